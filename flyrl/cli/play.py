@@ -147,7 +147,7 @@ def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
         with (
             server.listen(options.port) as listening,
             (options.log or Path(os.devnull)).open("w", encoding="utf-8") as log,
-            pages.serve(listening) as page,
+            pages.serve(listening) as play,
         ):
             address = server.url(listening)
             print(f"{options.name}: {address} (Ctrl-C ends it)", flush=True)
@@ -159,7 +159,7 @@ def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
                 session = Session(make(), recorder, lambda entry: note(json.dumps(entry)))
                 if not options.no_browser:
                     _open_browser(address)
-                page.play(session)
+                play(session)
     except KeyboardInterrupt:
         print()
     return 0

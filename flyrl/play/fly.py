@@ -204,10 +204,10 @@ class PlayedFly(Playable):
             self._drive_by_hand((0.0, 0.0))
 
     def draw(self, panel: "Panel") -> None:
-        """Draw how it fares, steering, legs, scene, reward, and muscles if it has any."""
+        """Draw speed and distance, steering, legs, scene, reward, and muscles if it has any."""
         if panel.section("Fly"):
-            way = float(np.linalg.norm(self._trail[-1] - self._trail[0]))
-            speed = way / (max(len(self._trail) - 1, 1) * INTERVAL_S)
+            moved = float(np.linalg.norm(self._trail[-1] - self._trail[0]))
+            speed = moved / (max(len(self._trail) - 1, 1) * INTERVAL_S)
             panel.values({"speed, mm/s": speed, "to the target, mm": self._distance_mm})
         if panel.section("Steering"):
             panel.choice(STEERING, "who steers", (BY_HAND, *self._pilots), self.steering)
@@ -316,11 +316,11 @@ class PlayedFly(Playable):
         if not is_same_place:
             self._build_scenery()
         if is_same_place and self.outcome == RUNNING:
-            self._go_on_from(before)
+            self._resume_from(before)
         else:
             self._start()
 
-    def _go_on_from(self, before: BatchedEnv) -> None:
+    def _resume_from(self, before: BatchedEnv) -> None:
         """Take over everything from an environment of the same body on the same ground."""
         snapshot = before.snapshot()
         old, new = before.config.fly_scene.controller, self._legs

@@ -6,11 +6,12 @@ model without forces. The page is served from the start, and waits for the model
 
 import contextlib
 import copy
+import functools
 import io
 import logging
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Final
 
 import mujoco
@@ -44,13 +45,17 @@ _WIDTH: Final = 330
 
 
 @contextlib.contextmanager
-def serve(listening: socket.socket) -> Iterator["Page"]:
+def serve(listening: socket.socket) -> Iterator[Callable[["Session"], None]]:
     """Serve a page, which waits for something to play.
 
     Parameters
     ----------
     listening
         Where, see `listen`.
+
+    Yields
+    ------
+    Function that plays a session there until interrupted, or until the viewer is closed.
 
     Raises
     ------
@@ -69,88 +74,71 @@ def serve(listening: socket.socket) -> Iterator["Page"]:
         with contextlib.closing(viewer):
             if not service.is_guarded.wait(timeout=10.0):  # s
                 raise OSError("this mujoco.studio cannot be kept to this computer")
-            yield Page(viewer, service)
+            yield functools.partial(_play, viewer, service)
 
 
-class Page:
-    """A page that is served.
+def _play(viewer: web_viewer.WebViewer, service: Service, session: "Session") -> None:
+    """Play a session until interrupted, or until the viewer is closed."""
+    playable = session.playable
+    viewer.camera = session.camera
+    drawn: mujoco.MjModel | None = None
+    forgets_keys = False
+    while viewer.is_running():
+        began_s = time.monotonic()
+        is_watched = service.connections > 0
+        if is_watched != session.is_watched:
+            session.watch(is_watched)
+            forgets_keys |= not is_watched
+        session.advance(began_s)
+        if playable.model is not drawn:
+            drawn = playable.model
+            for name in ("type", "trackbodyid", "fixedcamid"):
+                setattr(viewer.camera, name, getattr(playable.camera, name))
+            with _silence():
+                viewer.dispatch(messages.ModelEvent(model=display_model(drawn)))
+            service.is_ready = True
+        mujoco.mj_copyState(playable.model, playable.data, viewer.data, STATE)
+        # by itself it would ask for a browser all the time
+        if is_watched and viewer.prepare_next_frame():
+            viewer.dispatch(messages.UpdateEvent())
+            _draw(viewer, session, forgets_keys)
+            forgets_keys = False
+            viewer.sync()
+        frame_s = _PAUSED_FRAME_S if session.is_paused else 0.001
+        least_s = frame_s if is_watched else _IDLE_FRAME_S
+        time.sleep(max(0.001, least_s - (time.monotonic() - began_s)))
 
-    Parameters
-    ----------
-    viewer
-        MuJoCo's.
-    service
-        How it is served.
-    """
 
-    def __init__(self, viewer: web_viewer.WebViewer, service: Service) -> None:
-        self._viewer = viewer
-        self._service = service
-        self._forgets_keys = False
-
-    def play(self, session: "Session") -> None:
-        """Play until interrupted, or until the viewer is closed."""
-        playable, viewer = session.playable, self._viewer
-        viewer.camera = session.camera
-        drawn = None
-        while viewer.is_running():
-            began_s = time.monotonic()
-            is_watched = self._service.connections > 0
-            if is_watched != session.is_watched:
-                session.watch(is_watched)
-                self._forgets_keys |= not is_watched
-            session.advance(began_s)
-            if playable.model is not drawn:
-                drawn = playable.model
-                for name in ("type", "trackbodyid", "fixedcamid"):
-                    setattr(viewer.camera, name, getattr(playable.camera, name))
-                with _silence():
-                    viewer.dispatch(messages.ModelEvent(model=display_model(drawn)))
-                self._service.is_ready = True
-            mujoco.mj_copyState(playable.model, playable.data, viewer.data, STATE)
-            # by itself it would ask for a browser all the time
-            if is_watched and viewer.prepare_next_frame():
-                viewer.dispatch(messages.UpdateEvent())
-                self._draw(session)
-                viewer.sync()
-            least_s = 0.001
-            if not is_watched:
-                least_s = _IDLE_FRAME_S
-            elif session.is_paused:
-                least_s = _PAUSED_FRAME_S
-            time.sleep(max(0.001, least_s - (time.monotonic() - began_s)))
-
-    def _draw(self, session: "Session") -> None:
-        """Draw a picture of the panel; do what a person does."""
-        io = imgui.GetIO()
-        # keys are the simulation's, not for going from control to control
-        io.ConfigFlags &= ~int(imgui.ConfigFlags.NavEnableKeyboard)
-        deaf = int(imgui.ConfigFlags.NoKeyboard)
-        if self._forgets_keys:
-            # a page that closed never reports that keys were released. For the next picture, at
-            # whose begin Dear ImGui then clears its keys; not before the new page is there, since a
-            # connection sets flags itself
-            io.ConfigFlags |= deaf
-            self._forgets_keys = False
-        elif io.ConfigFlags & deaf:
-            io.ConfigFlags &= ~deaf
-        elif not io.WantCaptureKeyboard:
-            for name in session.keys:
-                if name != _CLICK and imgui.IsKeyPressed(_key(name), False):
-                    session.change(name, True)
-        if (
-            _CLICK in session.keys
-            and io.KeyShift
-            and not io.WantCaptureMouse
-            and imgui.IsMouseClicked(imgui.MouseButton.Left)
-        ):
-            mouse, size, viewer = io.MousePos, io.DisplaySize, self._viewer
-            place = mouse.x / size.x, mouse.y / size.y
-            point = ground_point(viewer.model, viewer.data, viewer.camera, *place, size.x / size.y)
-            if point is not None:
-                session.change(_CLICK, point)
-        for name, value in _draw_panel(session).items():
-            session.change(name, value)
+def _draw(viewer: web_viewer.WebViewer, session: "Session", forgets_keys: bool) -> None:
+    """Draw a picture of the panel; do what a person does."""
+    io = imgui.GetIO()
+    # keys are the simulation's, not for going from control to control
+    io.ConfigFlags &= ~int(imgui.ConfigFlags.NavEnableKeyboard)
+    deaf = int(imgui.ConfigFlags.NoKeyboard)
+    if forgets_keys:
+        # a page that closed never reports that keys were released. For the next picture, at
+        # whose begin Dear ImGui then clears its keys; not before the new page is there, since a
+        # connection sets flags itself
+        io.ConfigFlags |= deaf
+    elif io.ConfigFlags & deaf:
+        io.ConfigFlags &= ~deaf
+    elif not io.WantCaptureKeyboard:
+        for name in session.keys:
+            if name != _CLICK and imgui.IsKeyPressed(_key(name), False):
+                session.change(name, True)
+    if (
+        _CLICK in session.keys
+        and io.KeyShift
+        and not io.WantCaptureMouse
+        and imgui.IsMouseClicked(imgui.MouseButton.Left)
+    ):
+        mouse, size = io.MousePos, io.DisplaySize
+        place = mouse.x / size.x, mouse.y / size.y
+        point = ground_point(viewer.model, viewer.data, viewer.camera, *place, size.x / size.y)
+        if point is not None:
+            session.change(_CLICK, point)
+    for name, value in _draw_panel(session).items():
+        session.change(name, value)
 
 
 def _draw_panel(session: "Session") -> dict[str, Setting]:

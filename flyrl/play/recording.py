@@ -104,9 +104,8 @@ class VideoRecorder:
         # with Matplotlib, for which nobody needs to wait who records nothing
         from flyrl.report.video import encode  # noqa: PLC0415
 
-        number = 1
-        while (path := self._folder / f"{self._name}_{number}.mp4").exists():
-            number += 1
+        paths = (self._folder / f"{self._name}_{number}.mp4" for number in itertools.count(1))
+        path = next(path for path in paths if not path.exists())
         tens = -(-len(frames) // (FRAMES_PER_S * 10))
         try:
             write_bytes(path, encode(list(_drawn(frames)), FRAMES_PER_S, max_bytes=_BYTES * tens))

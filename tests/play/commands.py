@@ -37,7 +37,8 @@ class Playing:
         raise AssertionError(f"the log never says so; its end: {self.entries()[-3:]}")
 
     def _lines(self):
-        return self._log.read_text().splitlines()
+        """Whole lines: the last one may be in the middle of being written."""
+        return self._log.read_text().rpartition("\n")[0].splitlines()
 
     def interrupt(self):
         """Ctrl-C; return the exit status and what was said."""

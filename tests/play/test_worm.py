@@ -31,8 +31,6 @@ def test_the_last_neuron_is_the_last(worm):
     for _ in range(20):
         worm.change("h", True)
     assert worm.n == len(POOL) - 1
-    worm.relax()
-    assert worm.n == worm.figures()["tension"] == 0
 
 
 def test_the_panel_says_neurons_tension_and_bend(worm):
@@ -48,13 +46,16 @@ def test_the_panel_says_neurons_tension_and_bend(worm):
     assert str(worm.figures()["bend_deg"]) == "0.0"
 
 
-def test_it_bends_and_a_reset_hangs_it_down(worm):
+def test_it_bends_and_hangs_down_after_a_reset_and_when_nobody_is_there(worm):
     for _ in range(15):
         worm.change("h", True)
     for _ in range(50):
         worm.step()
     assert worm.time_s == pytest.approx(50 * worm.interval_s)
     assert worm.figures()["bend_deg"] > 1
+    worm.relax()
+    assert (worm.n, worm.figures()["tension"]) == (0, 0)
+    worm.change("h", True)
     worm.reset(3)
     assert (worm.n, worm.time_s, worm.seed) == (0, 0.0, 3)
     assert worm.figures() == {"n": 0, "tension": 0.0, "bend_deg": 0.0}
