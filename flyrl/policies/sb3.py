@@ -344,12 +344,11 @@ def export_sb3(
         task = task_from(task)
     task = task.flattened()
     LearnedPolicy(bundle, task)
-    if bundle.observation != observation_layout(task):
-        own = {term.name for term in bundle.observation}
-        more = [term.name for term in task.observation if term.name not in own]
+    if bundle.observation != (shown := observation_layout(task)):
+        more = ", ".join(term.name for term in shown if term not in bundle.observation)
         raise PolicyFileError(
             f"a model takes all that {task.name} shows, in that order, and the policy was trained "
-            f"without {', '.join(more) or 'that order'}"
+            f"without {more or 'that order'}"
         )
     kind = "Mlp" if task.is_flat else "MultiInput"
     algorithm: type[PPO | SAC | RecurrentPPO] = SAC if bundle.squashing == "tanh" else PPO

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from flyrl.bodies.worm import WormConfig
 from flyrl.entry_points import look_up
+from flyrl.tasks.actions import Drives, JointTargets
 from flyrl.tasks.episode import TIME
 from flyrl.tasks.extension import extended, load_terms
 from flyrl.tasks.task import Task
@@ -190,8 +191,7 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
         task = replace(task, time_limit_s=positive("task.time_limit", limit))
     constant = settings.get("drive_time_constant")
     if constant is not None:
-        seconds = within("task.drive_time_constant", constant, 0.0, TIME.high)
-        task = replace(task, drive_time_constant_s=seconds)
+        task = _following(task, constant)
     terms = checked("task.terms", settings.get("terms", ()), tuple[str, ...])
     without = checked("task.without", settings.get("without", ()), tuple[str, ...])
     weights = checked("task.weights", settings.get("weights", {}), Mapping[str, float])
@@ -205,3 +205,14 @@ def with_time_limit(task: TaskSettings | Task) -> TaskSettings | Task:
     if task_from(task).time_limit_s is not None:
         return task
     return {**(task if isinstance(task, Mapping) else {"name": task}), "time_limit": TIME_LIMIT}
+
+
+def _following(task: Task, time_constant: Any) -> Task:
+    """The task with a drive that follows its actions within a time constant, s."""
+    seconds = within("task.drive_time_constant", time_constant, 0.0, TIME.high)
+    if seconds and (not isinstance(task.actions, Drives) or isinstance(task.actions, JointTargets)):
+        raise ValueError(
+            f"task.drive_time_constant must be 0 in the task {task.name!r}, whose actions are no "
+            f"drives, got {time_constant}"
+        )
+    return replace(task, drive_time_constant_s=seconds)

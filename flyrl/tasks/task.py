@@ -12,7 +12,7 @@ from flyrl.bodies.worm import WormConfig
 from flyrl.simulation.flies import FlyState
 from flyrl.simulation.scene import BodyState
 from flyrl.simulation.worms import WormState
-from flyrl.tasks.actions import Actions, Drives, JointTargets
+from flyrl.tasks.actions import Actions, Drives
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, Prop, Terrain
 from flyrl.validation import FloatArray, Within, check_fields
@@ -340,12 +340,6 @@ class Task:
             raise ValueError(
                 f"observation of a task with goals must be a dict whose first terms are "
                 f"{ACHIEVED_GOAL!r} and {DESIRED_GOAL!r}, got {first}, is_flat={self.is_flat}"
-            )
-        is_driven = isinstance(self.actions, Drives) and not isinstance(self.actions, JointTargets)
-        if self.drive_time_constant_s and not is_driven:
-            raise ValueError(
-                f"task.drive_time_constant must be 0 in the task {self.name!r}, whose actions are "
-                f"no drives, got {self.drive_time_constant_s}"
             )
 
     @property

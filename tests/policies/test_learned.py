@@ -77,8 +77,7 @@ def _task(*terms: tuple[str, int]) -> Task:
         ObservationTerm(name, (size,), -1.0, 1.0, lambda state: state.goal, "")
         for name, size in terms
     )
-    task = TASKS["target"](drive_time_constant=0)
-    return replace(task, name="other", observation=observation)
+    return replace(TASKS["target"](), name="other", observation=observation)
 
 
 @pytest.mark.parametrize(

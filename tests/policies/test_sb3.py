@@ -189,8 +189,7 @@ def test_files_of_other_things_are_refused(fly_env, tmp_path):
 # ------------------------------------------------------------------ to models
 
 CHOICES = EnvConfig(
-    replace(TASKS["target"](drive_time_constant=0), actions=Neurons((16, 8)), props=()),
-    replace(CRAWLER, segments=2),
+    replace(TASKS["target"](), actions=Neurons((16, 8)), props=()), replace(CRAWLER, segments=2)
 )
 
 
