@@ -32,7 +32,10 @@ OF_THE_FLY = ("terrain", "controller", "physics", "body", "policy", "seed")
         ("--terrain no_such_lab:Ridge", "is 'no_such_lab:Ridge', but no_such_lab cannot be imp"),
         ("--controller joints", "controller must be one that takes a drive, got 'joints'"),
         ("--policy no-such", "policy must be a file, a run folder or one of pursuit, target-any"),
-        ("--policy velocity-flat", "got 'velocity-flat': the policy was trained on other"),
+        (
+            "--policy velocity-flat",
+            "got 'velocity-flat': the policy was trained on observations that target does not",
+        ),
     ],
 )
 def test_what_cannot_be_played_is_refused_before_an_address_is_printed(arguments, message, capsys):

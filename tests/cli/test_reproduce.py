@@ -35,13 +35,13 @@ def test_a_run_is_repeated_to_the_bit_and_the_repeat_told_to_no_service(
     assert len(client.search_runs([client.get_experiment_by_name("flyrl").experiment_id])) == 1
 
 
-NORMALISER = Normaliser(np.zeros(46), np.ones(46), 1e-8, 10.0)
+NORMALISER = Normaliser(np.zeros(47), np.ones(47), 1e-8, 10.0)
 BUNDLE = target_bundle(normaliser=NORMALISER)
 WITH_MEMORY = {
     "sizes": (3, 2),
-    "lstm_sizes": (46, 3),
+    "lstm_sizes": (47, 3),
     "weights": {
-        name: np.zeros(shape, np.float32) for name, shape in weight_shapes((3, 2), (46, 3)).items()
+        name: np.zeros(shape, np.float32) for name, shape in weight_shapes((3, 2), (47, 3)).items()
     },
 }
 
@@ -52,16 +52,16 @@ WITH_MEMORY = {
         ({"squashing": "tanh"}, "squashing clip, in the repeat tanh"),
         ({"normaliser": None}, r"normaliser \(1e-08, 10.0\), in the repeat None"),
         ({"action_high": (1.0, 2.0)}, r"action\.high"),
-        ({"observation": (TermLayout("b", 46),)}, "observation"),
+        ({"observation": (TermLayout("b", 47),)}, "observation"),
         (WITH_MEMORY, "kind mlp, in the repeat lstm"),
-        # 46 * 2 + 2
+        # 47 * 2 + 2
         (
             {"weights": {**BUNDLE.weights, "0.bias": np.array([0.5, 0.0], np.float32)}},
-            "^1 of 94 parameters differ, by at most 0.5$",
+            "^1 of 96 parameters differ, by at most 0.5$",
         ),
         (
-            {"normaliser": replace(NORMALISER, mean=np.append(np.zeros(45), 2.0**-60))},
-            "^1 of 92 statistics of the normaliser differ, by at most 8.67e-19$",
+            {"normaliser": replace(NORMALISER, mean=np.append(np.zeros(46), 2.0**-60))},
+            "^1 of 94 statistics of the normaliser differ, by at most 8.67e-19$",
         ),
     ],
 )

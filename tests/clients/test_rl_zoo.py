@@ -54,6 +54,6 @@ def test_train_learns_enjoy_walks_an_episode_and_the_policy_can_be_imported(tmp_
     model = PPO.load(tmp_path / file, device="cpu")
     assert model.num_timesteps == 64
     policy = LearnedPolicy(import_sb3(tmp_path / file, PPO, EnvConfig(), trust=True))
-    observations = np.random.default_rng(0).normal(size=(20, 46)).astype(np.float32)
+    observations = np.random.default_rng(0).normal(size=(20, 47)).astype(np.float32)
     expected, _ = model.predict(observations, deterministic=True)
     np.testing.assert_allclose(policy.predict(observations)[0], expected, rtol=0, atol=1e-6)

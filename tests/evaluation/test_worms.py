@@ -61,7 +61,7 @@ def test_controllers_of_another_creature_or_task_are_refused(name, task, needed)
 @pytest.mark.parametrize(
     ("settings", "policy", "message"),
     [
-        ({"task": CRAWL}, "worm-hang", "term 0 was command"),
+        ({"task": CRAWL}, "worm-hang", r"does not show: command \(1 values\)"),
         ({"task": "worm_hang_box"}, "worm-hang", "are whole numbers within .*_box numbers within"),
         ({"task": "worm_crawl", "body": SHORTER}, "worm-crawl", r"\(5 values\).*\(3 values\)"),
     ],

@@ -39,7 +39,7 @@ def run(tmp_path_factory):
     return train(PPO_CONFIG, tmp_path_factory.mktemp("runs"), ["train.py"])
 
 
-OBSERVATIONS = np.random.default_rng(0).normal(size=(20, 46)).astype(np.float32)
+OBSERVATIONS = np.random.default_rng(0).normal(size=(20, 47)).astype(np.float32)
 
 
 def _actions(path):
