@@ -159,7 +159,7 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
     "unhurried": FixedLaw(
         "hybrid",
         "proportional steering towards the target, no faster than the time left asks for",
-        UnhurriedPursuit,
+        lambda task: UnhurriedPursuit(task, brake=pursuit_brake(task)),
         (("target_direction", "target_distance", "time_left"),),
     ),
     "open_loop": FixedLaw("hybrid", "drive that answers the command", OpenLoop, (("command",),)),

@@ -26,6 +26,12 @@ def distance_term(compute: Compute, place: str) -> ObservationTerm:
     return ObservationTerm("target_distance", (1,), 0.0, 4.0, compute, text)
 
 
+TIME_LEFT: Final = ObservationTerm(
+    "time_left", (1,), 0.0, 1.0, terms.time_left, "time left, in 3 s; 1 where there is more"
+)
+"""What an episode is worth depends on it (Pardo et al. 2018, arXiv:1712.00378): a fly that is late
+has to hurry, and on rough ground haste makes it fall."""
+
 MUSCLE_TENSIONS: Final = ObservationTerm(
     "muscle_tensions", (84,), 0.0, 1.0, attrgetter("fly.muscle_tensions"),
     "share of their strength that the legs' muscles exert", spread=0.1,
@@ -80,7 +86,8 @@ def steering(
     Parameters
     ----------
     observation
-        The task's own terms; `SENSES` follow.
+        The task's own terms; `TIME_LEFT` follows where it can be solved before its end, and
+        `SENSES`.
     reward
         The task's own terms; `terms.SMOOTHNESS` follows.
     solved
@@ -94,8 +101,9 @@ def steering(
     """
     change, effort = terms.SMOOTHNESS
     ends = () if solved is None else (Termination(SUCCESS, solved),)
+    clock = () if solved is None else (TIME_LEFT,)
     return Task(
-        observation=(*observation, *SENSES),
+        observation=(*observation, *clock, *SENSES),
         reward=(*reward, change, replace(effort, weight=work)),
         terminations=(*ends, *failures),
         drive_time_constant_s=terms.DRIVE_TIME_CONSTANT_S,

@@ -19,7 +19,7 @@ from flyrl.tasks.episode import (
 )
 from flyrl.tasks.extension import extended
 from flyrl.tasks.function import TaskFunction, variant_of
-from flyrl.tasks.senses import SENSES, direction_term, distance_term, steering
+from flyrl.tasks.senses import SENSES, TIME_LEFT, direction_term, distance_term, steering
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DECISIONS_LOST,
@@ -103,13 +103,6 @@ def draw_target(
     return draw_inside(bounds, "task.distance", distances, draw)
 
 
-TIME_LEFT: Final = ObservationTerm(
-    "time_left", (1,), 0.0, 1.0, terms.time_left, "time left, in 3 s; 1 where there is more"
-)
-"""What an episode is worth depends on it (Pardo et al. 2018, arXiv:1712.00378): a fly that is late
-has to hurry, and on rough ground haste makes it fall."""
-
-
 @TaskFunction
 def target(
     distance: Annotated[tuple[float, float], Within(0, 1000)] = (5.0, 15.0),
@@ -136,7 +129,6 @@ def target(
         observation=(
             direction_term(terms.target_direction_b, "the target's bearing from the heading"),
             distance_term(terms.target_distance, "the target"),
-            TIME_LEFT,
         ),
         reward=(
             RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),

@@ -22,8 +22,10 @@ from flyrl.policies.fixed import FixedPolicy
 from flyrl.progress import progress_bar
 from flyrl.training.config import TrainingConfig
 
-_UPDATES: Final = 600
+_UPDATES: Final = 3000
 _LEARNING_RATE: Final = 3e-3
+"""At first; it falls linearly. Fitted less closely, a fly that shall brake 1 mm before a place does
+so 3 mm before it (of 96 paths, it follows 86 with 600 updates at a constant rate, and 94)."""
 _BATCH: Final = 512
 """Decisions."""
 
@@ -119,6 +121,7 @@ def _clone(model: OnPolicyAlgorithm, decisions: list[_Decision], seed: int) -> N
     ]
     weights = [each for name, each in policy.named_parameters() if name != "log_std"]
     optimiser = torch.optim.Adam(weights, lr=_LEARNING_RATE)
+    falls = torch.optim.lr_scheduler.PolynomialLR(optimiser, _UPDATES)
     generator = torch.Generator().manual_seed(seed)
     count = _BATCH // length
     for _ in range(_UPDATES):
@@ -130,6 +133,7 @@ def _clone(model: OnPolicyAlgorithm, decisions: list[_Decision], seed: int) -> N
         optimiser.zero_grad()
         torch.autograd.backward(0.5 * missed.square().mean() - log_likelihood.mean())
         optimiser.step()
+        falls.step()
 
 
 def discounted_returns(
