@@ -39,12 +39,13 @@ def test_a_fixed_law_is_made_for_the_task():
 
 
 @pytest.mark.parametrize(("distance", "share"), [(5.0, 1.0), (1.5, 1.0), (1.125, 0.5), (0.7, 0.0)])
+@pytest.mark.parametrize(("law", "ahead"), [("pursuit", 1.5), ("unhurried", 0.8)])
 @pytest.mark.parametrize("name", ["stop", "path"])
-def test_pursuit_brakes_where_the_fly_is_to_stop(name, distance, share):
+def test_a_law_brakes_where_the_fly_is_to_stop(name, law, ahead, distance, share):
     task = TASKS[name]()
-    observation = observed(task, target_direction=(1, 0), target_distance=distance / 15)
-    drive = task.actions.commands(load_policy("pursuit", name).predict(observation)[0])
-    np.testing.assert_allclose(drive, [[1.5 * share] * 2], atol=1e-6)
+    shown = {"target_direction": (1, 0), "target_distance": distance / 15, "time_left": 1.0}
+    drive = task.actions.commands(load_policy(law, name).predict(observed(task, **shown))[0])
+    np.testing.assert_allclose(drive, [[ahead * share] * 2], atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,13 @@ def test_success_in_time_is_a_total_of_seconds(name: str, term: str, needed: flo
     assert TASKS[name]().succeeds_in_time(state).tolist() == [False, True]
 
 
+@pytest.mark.parametrize(("name", "is_shown"), [("stop", True), ("path", True), ("heading", False)])
+def test_the_time_left_is_shown_where_a_success_ends_the_episode(name: str, is_shown: bool) -> None:
+    task = TASKS[name]()
+    ends = [end.outcome for end in task.terminations]
+    assert ("time_left" in task.slices()) == is_shown == ("success" in ends)
+
+
 def test_a_path_counts_only_if_it_was_kept_to() -> None:
     fly = fly_state(2, time=[2.0, 2.0])
     state = task_state(fly, goal=[[0.5, 0]] * 2, deviation=[1.9, 2.1])
