@@ -10,7 +10,7 @@ from flyrl.policies import export_onnx, load_policy, named_policies, save_bundle
 from flyrl.policies.bundle import load_bundle
 from flyrl.tasks import TASKS
 
-WITHOUT = {"target_unfiltered", "slalom", "chase"}
+WITHOUT = {"target_unfiltered", "chase"}
 """Tasks whose policies do not come with flyrl."""
 
 
