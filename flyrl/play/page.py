@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 import mujoco
 import numpy as np
-from mujoco.studio import launch_thread, messages, viewer_protocol, web_viewer
+from mujoco.studio import launch_thread, messages, ux, viewer_protocol, web_viewer
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from flyrl.play.panel import Panel, Setting
@@ -72,6 +72,8 @@ def serve(listening: socket.socket) -> Iterator[Callable[["Session"], None]]:
         except Exception as error:
             raise OSError(f"MuJoCo's web viewer does not start: {error}") from error
         with contextlib.closing(viewer):
+            # a new page asks for it, and is not always heard: the panel would look now so, now so
+            ux.setup_theme(ux.GuiTheme.DARK)
             if not service.is_guarded.wait(timeout=10.0):  # s
                 raise OSError("this mujoco.studio cannot be kept to this computer")
             yield functools.partial(_play, viewer, service)

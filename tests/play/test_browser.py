@@ -32,12 +32,12 @@ LEFT, RIGHT = 12, 342
 """px; where the panel begins and ends."""
 
 # Places on the page, as the panel is laid out.
-PAUSE, STEP, RESET = ((LEFT + x, 124) for x in (28, 73, 117))
-SEED_PLUS = (LEFT + 296, 176)
-RECORD = (LEFT + 18, 202)
-SLIDER_MIDDLE, SLIDER_RIGHT = (LEFT + 220, 258), (LEFT + 285, 258)
-SHAPE = (LEFT + 200, 283)
-SHAPES = {"ball": (LEFT + 200, 328), "cube": (LEFT + 200, 348)}
+PAUSE, STEP, RESET = ((LEFT + x, 119) for x in (28, 64, 99))
+SEED_PLUS = (LEFT + 307, 170)
+RECORD = (LEFT + 18, 196)
+SLIDER_MIDDLE, SLIDER_RIGHT = (LEFT + 224, 250), (LEFT + 289, 250)
+SHAPE = (LEFT + 200, 275)
+SHAPES = {"ball": (LEFT + 200, 320), "cube": (LEFT + 200, 340)}
 GROUND = (640, 300)
 
 
@@ -156,10 +156,10 @@ class TestToy:
 
     def test_a_slider_is_dragged(self, toy):
         played, page = toy
-        # from -2 to 2 over 172 px, but for the grip's width; both ends are known to 5 px (`SCALE`)
-        expected = pytest.approx((SLIDER_RIGHT[0] - SLIDER_MIDDLE[0]) / 156 * 4, abs=0.26)
-        drag(page, SLIDER_MIDDLE, SLIDER_RIGHT, lambda entry: entry["speed_x"] == expected, played)
-        assert played.entries()[-1]["speed_x"] == expected
+        drag(page, SLIDER_MIDDLE, SLIDER_RIGHT, lambda entry: entry["speed_x"] > 0.9, played)
+        # from -2 to 2 over 172 px, but for the grip's width
+        expected = (SLIDER_RIGHT[0] - SLIDER_MIDDLE[0]) / 156 * 4
+        assert played.entries()[-1]["speed_x"] == pytest.approx(expected, abs=0.2)
 
     def test_pause_step_reset(self, toy):
         played, page = toy
@@ -179,7 +179,6 @@ class TestToy:
         click(page, SHAPE)
         click(page, SHAPES["ball"])
         played.until(lambda entry: entry["shape"] == "ball")
-        frames(page, 20)  # a click while the new scene is loaded is lost
         click(page, SHAPE)
         click(page, SHAPES["cube"])
         entry = played.until(lambda entry: entry["message"])
@@ -231,8 +230,8 @@ class TestToy:
 
 
 # Of the fly's panel.
-WHO_STEERS, TARGET_FLAT = (LEFT + 200, 340), (LEFT + 200, 405)
-DRIVE_LEFT = (LEFT + 180, 366)
+WHO_STEERS, TARGET_ANY = (LEFT + 200, 331), (LEFT + 200, 393)
+DRIVE_LEFT = (LEFT + 180, 357)
 
 
 def target_of(entry):
@@ -256,7 +255,7 @@ def test_a_fly_is_steered_by_keys_by_sliders_and_by_a_policy_to_where_one_clicks
         heading = entry["heading_deg"]
         played.until(lambda entry: (entry["heading_deg"] - heading) % 360 > 180)
         click(page, WHO_STEERS)
-        click(page, TARGET_FLAT)
+        click(page, TARGET_ANY)
         played.until(lambda entry: entry["steering"] == "target-any")
         target = target_of(played.latest())
         point_at(page, GROUND)
