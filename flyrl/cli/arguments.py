@@ -1,26 +1,35 @@
 """The command line before any work: jobs of a sweep, and errors with the closest match."""
 
 import argparse
+import functools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, cast
 
 from hydra import compose, initialize_config_dir
+from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from flyrl.cli.groups import HYDRA_VERSION, composed, group_names, groups, register
+from flyrl.cli.groups import group_names, groups
+from flyrl.entry_points import is_entry_point
 from flyrl.files import load_yaml
-from flyrl.resources import configs_folder, install_command
+from flyrl.resources import configs_folder, install_command, tuned_name
 from flyrl.training.runs import flat, present_names
 from flyrl.validation import did_you_mean
+
+HYDRA_VERSION: Final = "1.3"
+"""Hydra's behaviour that the configs are written for."""
+
+OWN: Final = ("controller", "task", "terrain")
+"""Groups whose choice may be module:attribute, a thing of the user's own."""
 
 EXTRAS: Final = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}
 """Hydra's launcher -> extra of flyrl that brings it."""
@@ -65,6 +74,53 @@ def own_overrides(job: Sequence[str]) -> tuple[str, ...]:
     """The overrides of a job without Hydra's and the launcher: what is done, not where."""
     keys = ("launcher=", "hydra.", "hydra/")
     return tuple(item for item in job if not item.lstrip("+~").startswith(keys))
+
+
+def register(arguments: Iterable[str] = ()) -> None:
+    """Put the groups into Hydra's store, where the defaults lists of `configs/` find them.
+
+    Parameters
+    ----------
+    arguments
+        Their choices of the form module:attribute, as in `controller=cpg,my_lab:Wave`, become
+        choices of Hydra's, too, with any keys; Hydra escapes their colon with a backslash.
+    """
+    _register_groups()
+    for key, _, value in (word.replace("\\", "").partition("=") for word in arguments):
+        for name in filter(is_entry_point, value.split(",") if key in OWN else ()):
+            node = OmegaConf.create({"name": name}, flags={"struct": False})
+            ConfigStore.instance().store(name=name, node=node, group=key)
+
+
+@functools.cache
+def _register_groups() -> None:
+    store = ConfigStore.instance()
+    # Hydra copies it, and never changes it, for each config that it composes and each group that
+    # --help lists: 4 of 5 s there
+    vars(store)["__deepcopy__"] = lambda memo: store
+    for group, choices in groups().items():
+        for name, settings in choices.items():
+            package = "_global_" if "defaults" in settings else None
+            store.store(name=name, node=dict(settings), group=group, package=package)
+
+
+def _tuned(*, _root_: DictConfig) -> str:
+    """Choice of the group `tuned` that goes with those of task and algorithm."""
+    return tuned_name(_root_.get("task"), _root_.get("algo"))
+
+
+# at import, so that a sweep's job in another process has it; again where a module is loaded anew
+OmegaConf.register_new_resolver("flyrl.tuned", _tuned, replace=True)
+
+
+def composed(config_name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """Settings that a command line with these overrides stands for, as plain values."""
+    register(overrides)
+    folder = str(configs_folder().resolve())
+    with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
+        config = compose(config_name, list(overrides))
+    values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    return cast(dict[str, Any], values)
 
 
 def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictConfig | None:

@@ -22,8 +22,13 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from flyrl.cli.arguments import Sweep, by_present_name, check_arguments, own_overrides
-from flyrl.cli.groups import HYDRA_VERSION
+from flyrl.cli.arguments import (
+    HYDRA_VERSION,
+    Sweep,
+    by_present_name,
+    check_arguments,
+    own_overrides,
+)
 from flyrl.cli.terminal import Failure, program, reported
 from flyrl.files import new_folder, usable_folder, write_text
 from flyrl.resources import configs_folder

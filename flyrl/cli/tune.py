@@ -161,8 +161,12 @@ def compose_training(overrides: Sequence[str]) -> dict[str, Any]:
     ValueError
         An override that `train.py` refuses, or that asks for more than one run.
     """
-    from flyrl.cli.arguments import Sweep, by_present_name, check_arguments  # noqa: PLC0415
-    from flyrl.cli.groups import composed  # noqa: PLC0415
+    from flyrl.cli.arguments import (  # noqa: PLC0415
+        Sweep,
+        by_present_name,
+        check_arguments,
+        composed,
+    )
 
     overrides = [*map(by_present_name, overrides)]
     sweep = check_arguments("train", ["-m", *overrides])

@@ -13,7 +13,7 @@ from flyrl.policies.networks import Activation
 from flyrl.validation import Within, at_least, checked, known_keys, one_of, plain_record
 
 _MOST_LAYERS: Final = 16
-_MOST_SAMPLES: Final = 10**7
+MOST_SAMPLES: Final = 10**7
 """Decisions of an update, of a batch or in a replay buffer: some GB."""
 
 _COMMON: Final = {
@@ -100,7 +100,7 @@ _RANGES: Final[tuple[tuple[Any, str], ...]] = (
     (Annotated[int, Within(1, 10**4)], "n_epochs n_critic_updates n_quantiles cg_max_steps"),
     (Annotated[int, Within(1, 10**4)], "line_search_max_iter"),
     (Annotated[int, Within(1, 10**6)], "n_steps gradient_steps policy_delay"),
-    (Annotated[int, Within(2, _MOST_SAMPLES)], "batch_size buffer_size"),
+    (Annotated[int, Within(2, MOST_SAMPLES)], "batch_size buffer_size"),
     (Annotated[int, Within(0, 10**12)], "learning_starts renorm_warmup_steps"),
     (Annotated[int, Within(0, 10**4)], "top_quantiles_to_drop_per_net"),
     (Annotated[float, Within(0, 1)], "gamma gae_lambda"),
@@ -159,62 +159,19 @@ class AlgorithmConfig:
                 plain_record(f"algo.{key}", given[key])
         for key, value in given.items():
             given[key] = checked(f"algo.{key}", value, _ALLOWED.get(key, Any))
-        object.__setattr__(self, "name", name)
-        object.__setattr__(self, "settings", given)
-        self._check_together()
-
-    def _check_together(self) -> None:
-        settings = self.settings
-        if len(settings["hidden_layers"]) > _MOST_LAYERS:
+        if len(given["hidden_layers"]) > _MOST_LAYERS:
             raise ValueError(
                 f"algo.hidden_layers must be at most {_MOST_LAYERS}, got "
-                f"{len(settings['hidden_layers'])}"
+                f"{len(given['hidden_layers'])}"
             )
-        if "buffer_size" in settings:
-            at_least("algo.buffer_size", settings["buffer_size"], settings["batch_size"])
-        if "n_quantiles" in settings:
-            dropped, most = settings["top_quantiles_to_drop_per_net"], settings["n_quantiles"] - 1
+        if "buffer_size" in given:
+            at_least("algo.buffer_size", given["buffer_size"], given["batch_size"])
+        if "n_quantiles" in given:
+            dropped, most = given["top_quantiles_to_drop_per_net"], given["n_quantiles"] - 1
             checked("algo.top_quantiles_to_drop_per_net", dropped, Annotated[int, Within(0, most)])
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "settings", given)
 
     def with_settings(self, **changes: Any) -> "AlgorithmConfig":
         """The same algorithm with some other settings."""
         return AlgorithmConfig(self.name, **{**self.settings, **changes})
-
-    def check_num_envs(self, num_envs: int) -> None:
-        """Raise ValueError if the settings do not go with this number of environments."""
-        settings = self.settings
-        if self.name not in ON_POLICY:
-            at_least("algo.buffer_size", settings["buffer_size"], num_envs)
-            return
-        n_steps, collected = settings["n_steps"], settings["n_steps"] * num_envs
-        if collected > _MOST_SAMPLES:
-            raise ValueError(
-                f"algo.n_steps x training.num_envs must be at most {_MOST_SAMPLES}, got "
-                f"{n_steps} x {num_envs}"
-            )
-        if collected % settings.get("batch_size", 1):
-            raise ValueError(
-                f"algo.batch_size must divide {collected}, the algo.n_steps ({n_steps}) x "
-                f"training.num_envs ({num_envs}) of an update, got {settings['batch_size']}"
-            )
-        if settings.get("normalize_advantage") and collected < 2:
-            raise ValueError(
-                "algo.n_steps x training.num_envs must be at least 2 with "
-                f"algo.normalize_advantage, got {n_steps} x {num_envs}"
-            )
-
-    def check_episodes(self, num_envs: int, decisions: int) -> None:
-        """Raise ValueError unless the buffer always holds a whole episode once it is needed.
-
-        Parameters
-        ----------
-        num_envs
-            Number of environments.
-        decisions
-            Of the longest episode.
-        """
-        needed = f"with algo.her ({num_envs} flies, {decisions} decisions an episode)"
-        starts, size = self.settings["learning_starts"], self.settings["buffer_size"]
-        at_least(f"algo.learning_starts {needed}", starts, num_envs * decisions)
-        # one that goes on, and the one before
-        at_least(f"algo.buffer_size {needed}", size, 2 * num_envs * decisions)

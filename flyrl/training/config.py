@@ -15,13 +15,14 @@ from flyrl.tasks import FAILURES, Task, TaskSettings, with_time_limit
 from flyrl.text import plain_name
 from flyrl.training.algorithms import (
     ALGORITHMS,
+    MOST_SAMPLES,
     ON_POLICY,
     AlgorithmConfig,
     further_settings,
 )
 from flyrl.training.loggers import LOGGERS, LoggerConfig
 from flyrl.training.runs import present_names
-from flyrl.validation import Within, check_fields, did_you_mean, one_of, plain, within
+from flyrl.validation import Within, at_least, check_fields, did_you_mean, one_of, plain, within
 
 LARGEST_SEED: Final = 2**31 - 1
 
@@ -200,12 +201,35 @@ class TrainingConfig:
                 "algo.normalize_observation must be false with a training.teacher, whose actions "
                 f"{self.algo.name} learns before the statistics are known, got true"
             )
-        self.algo.check_num_envs(self.training.num_envs)
+        self._check_samples()
         if self.algo.settings.get("her"):
             self._check_hindsight()
 
+    def _check_samples(self) -> None:
+        """Raise ValueError if the algorithm's settings do not go with the number of flies."""
+        settings, num_envs = self.algo.settings, self.training.num_envs
+        if self.algo.name not in ON_POLICY:
+            at_least("algo.buffer_size", settings["buffer_size"], num_envs)
+            return
+        n_steps, collected = settings["n_steps"], settings["n_steps"] * num_envs
+        if collected > MOST_SAMPLES:
+            raise ValueError(
+                f"algo.n_steps x training.num_envs must be at most {MOST_SAMPLES}, got "
+                f"{n_steps} x {num_envs}"
+            )
+        if collected % settings.get("batch_size", 1):
+            raise ValueError(
+                f"algo.batch_size must divide {collected}, the algo.n_steps ({n_steps}) x "
+                f"training.num_envs ({num_envs}) of an update, got {settings['batch_size']}"
+            )
+        if settings.get("normalize_advantage") and collected < 2:
+            raise ValueError(
+                "algo.n_steps x training.num_envs must be at least 2 with "
+                f"algo.normalize_advantage, got {n_steps} x {num_envs}"
+            )
+
     def _check_hindsight(self) -> None:
-        """Raise ValueError unless decisions of the task can be replayed with other goals."""
+        """Raise ValueError unless whole episodes are kept and can be replayed with other goals."""
         task = self.env.resolved_task
         if not task.has_goals:
             raise ValueError(
@@ -222,7 +246,13 @@ class TrainingConfig:
             )
         assert task.time_limit_s is not None  # __post_init__ checked
         decisions = round(task.time_limit_s / self.env.decision_interval_s)
-        self.algo.check_episodes(self.training.num_envs, decisions)
+        settings, num_envs = self.algo.settings, self.training.num_envs
+        needed = f"with algo.her ({num_envs} flies, {decisions} decisions an episode)"
+        at_least(
+            f"algo.learning_starts {needed}", settings["learning_starts"], num_envs * decisions
+        )
+        # one that goes on, and the one before
+        at_least(f"algo.buffer_size {needed}", settings["buffer_size"], 2 * num_envs * decisions)
 
     def name(self, now: datetime.datetime, label: str = "") -> str:
         """Name of a run that starts now: date, time, task, terrain, algorithm, seed, label."""

@@ -3,8 +3,7 @@ from itertools import pairwise
 import pytest
 from omegaconf import OmegaConf
 
-from flyrl.cli.arguments import by_present_name, check_arguments
-from flyrl.cli.groups import composed
+from flyrl.cli.arguments import by_present_name, check_arguments, composed
 from flyrl.resources import configs_folder
 
 

@@ -17,13 +17,13 @@ from PIL import Image
 
 from flyrl.bodies.fly import FLIES
 from flyrl.cli import groups as config_groups
+from flyrl.cli.arguments import composed
 from flyrl.cli.config import (
     evaluation_config,
     evaluation_settings,
     group,
     training_config,
 )
-from flyrl.cli.groups import composed
 from flyrl.envs.core import EnvConfig
 from flyrl.resources import configs_folder
 from flyrl.simulation.randomisation import RandomisationConfig

@@ -9,7 +9,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flyrl.cli.groups import composed
+from flyrl.cli.arguments import composed
 from flyrl.training.learn import train as train_here
 from flyrl.training.runs import flat
 from tests.tiny import TINY, TINY_ARGUMENTS

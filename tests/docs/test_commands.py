@@ -21,9 +21,9 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from flyrl.cli import evaluate as evaluate_command
 from flyrl.cli import train as train_command
 from flyrl.cli.arguments import check_arguments
+from flyrl.cli.arguments import composed as composed_values
 from flyrl.cli.config import evaluation_settings, training_config
 from flyrl.cli.evaluate import comparison
-from flyrl.cli.groups import composed as composed_values
 from flyrl.cli.main import command_parsers
 from flyrl.evaluation import evaluate
 from flyrl.policies import named_policies

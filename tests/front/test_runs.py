@@ -10,8 +10,8 @@ import yaml
 from safetensors.numpy import load_file
 
 import flyrl
+from flyrl.cli.arguments import composed
 from flyrl.cli.config import training_config
-from flyrl.cli.groups import composed
 from flyrl.front.runs import TrainingInterrupted, learn
 from flyrl.tasks import TASKS
 from flyrl.training.config import config_from_keywords, training_record
