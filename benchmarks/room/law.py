@@ -7,7 +7,7 @@ import numpy as np
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.policies.fixed import ClosedLoop, FixedPolicy, Pursuit
-from flyrl.policies.laws import QUICK_PURSUIT, pursuit_brake
+from flyrl.policies.laws import FIXED, QUICK_PURSUIT, UnhurriedPursuit, pursuit_brake
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Task
 
@@ -20,8 +20,13 @@ Settings = Mapping[str, float]
 
 
 def law(task: Task, settings: Settings) -> FixedPolicy:
-    """The law that steers in a task: `pursuit`, or `closed_loop` where there is a command."""
-    return ClosedLoop(task, **settings) if _is_commanded(task) else Pursuit(task, **settings)
+    """The law that steers in a task: `pursuit`, or `closed_loop` where there is a command.
+
+    With a `reserve`, it is `unhurried`.
+    """
+    if _is_commanded(task):
+        return ClosedLoop(task, **settings)
+    return (UnhurriedPursuit if "reserve" in settings else Pursuit)(task, **settings)
 
 
 def _is_commanded(task: Task) -> bool:
@@ -29,20 +34,24 @@ def _is_commanded(task: Task) -> bool:
 
 
 def published(task: Task) -> tuple[Settings, ...]:
-    """The literature's turn and the quick one; where the fly is to stop, both brake.
+    """The literature's turn, the quick one, and the unhurried one where the time left is shown.
 
-    Of a command: answered without a correction, and with the usual one.
+    Where the fly is to stop, all brake. Of a command: answered without a correction, and with the
+    usual one.
     """
     if _is_commanded(task):
         return {"speed_gain": 0.0, "yaw_gain": 0.0}, {}
     brake = {"brake": pursuit_brake(task)}
-    return brake, {**QUICK_PURSUIT, **brake}
+    unhurried = {"reserve": UnhurriedPursuit.reserve, **brake}
+    more = (unhurried,) if FIXED["unhurried"].goes_with(task) else ()
+    return brake, {**QUICK_PURSUIT, **brake}, *more
 
 
 def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
     """Draw settings: the gain of a pursuit log-uniformly, all others uniformly.
 
-    A brake, to stop, and a lead, to catch what moves, only where a task asks for them.
+    A brake, to stop, and a lead, to catch what moves, only where a task asks for them. Where the
+    time left is shown, every other law is `unhurried`.
     """
     if _is_commanded(task):
         return {
@@ -51,7 +60,7 @@ def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
             "speed": float(rng.uniform(9.0, 16.0)),
             "yaw_rate": float(rng.uniform(4.5, 8.0)),
         }
-    return {
+    settings = {
         "gain": float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))),
         "forward": float(rng.uniform(0.4, 1.5)),
         "weakest": float(rng.uniform(-0.5, 0.6)),
@@ -59,6 +68,14 @@ def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
         "brake": float(rng.uniform(0.5, 4.0)) if pursuit_brake(task) else 0.0,
         "lead": float(rng.uniform(0.0, 0.6)) if "target_velocity" in task.slices() else 0.0,
     }
+    if FIXED["unhurried"].goes_with(task) and rng.random() < 0.5:
+        settings |= {
+            "slowest": float(rng.uniform(0.4, 1.0)),
+            "forward": float(rng.uniform(1.0, 1.5)),
+            "speed": float(rng.uniform(5.0, 13.0)),
+            "reserve": float(rng.uniform(0.2, 1.0)),
+        }
+    return settings
 
 
 def score(records: list[EpisodeRecord]) -> float:
@@ -73,7 +90,8 @@ def score(records: list[EpisodeRecord]) -> float:
 def tuned(env: BatchedEnv, seed: int = 0) -> Settings:
     """Best settings on training episodes, whose seeds are below 2**31."""
     rng = np.random.default_rng(seed)
-    left = [*published(env.task), *(draw_settings(rng, env.task) for _ in range(STAGES[0][0] - 2))]
+    left = list(published(env.task))
+    left += [draw_settings(rng, env.task) for _ in range(STAGES[0][0] - len(left))]
     for count, episodes in STAGES:
         drawn = [
             env.config.sample_episode(int(each)) for each in rng.integers(2**31, size=episodes)
