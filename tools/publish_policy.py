@@ -123,7 +123,8 @@ def _check_size(size: int) -> None:
 
 def _command_anywhere(command: str) -> str:
     """Command without the places that interpreter, script and run had on the machine it ran on."""
-    words = [word for word in shlex.split(command) if not word.startswith("runs_folder=")]
+    places = ("runs_folder=", "hydra.run.dir=")
+    words = [word for word in shlex.split(command) if not word.startswith(places)]
     return shlex.join(Path(word).name if Path(word).is_absolute() else word for word in words)
 
 

@@ -10,7 +10,7 @@ from flyrl.policies import export_onnx, load_policy, named_policies, save_bundle
 from flyrl.policies.bundle import load_bundle
 from flyrl.tasks import TASKS
 
-WITHOUT = {"target_unfiltered", "chase"}
+WITHOUT = {"target_unfiltered"}
 """Tasks whose policies do not come with flyrl."""
 
 
@@ -60,4 +60,5 @@ def test_policy_solves_its_task_as_often_as_its_card_says_and_standing_does_not(
     # learned policies come first, standing last; that many successes would not do for standing
     promised, standing = (held_out["results"][i]["success_rate"] for i in (0, -1))
     assert policy["success_rate"]["high"] >= promised["low"] > 0.5
-    assert standing["high"] < 0.1
+    # the target of `chase` runs into a fly that stands, now and then
+    assert standing["high"] < (0.25 if env.resolved_task.name == "chase" else 0.1)
