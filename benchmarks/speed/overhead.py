@@ -67,7 +67,7 @@ def _ratios(env: BatchedEnv, seconds: float, repeats: int) -> Row:
     num_steps = decisions * per_decision
     action = env.task.actions.of(np.ones((env.num_envs, 2)))
     recording = record(env, env.task.actions.commands(action), num_steps)
-    bare = Batch(env.scene.model, env.num_envs, 1)
+    bare = Batch(env.batch.scene.model, env.num_envs, 1)
 
     def decide() -> None:
         for _ in range(decisions):
@@ -92,7 +92,7 @@ def record(env: BatchedEnv, drive: NDArray[np.float64], num_steps: int) -> Recor
     settle(env)
     flies.set_command(drive)
     start = flies.integration_state()
-    controls = np.empty((env.num_envs, num_steps, env.scene.model.nu))
+    controls = np.empty((env.num_envs, num_steps, env.batch.scene.model.nu))
     servos = flies.output["angles"].shape[1]
     for step in range(num_steps):
         flies.step(1)

@@ -15,7 +15,6 @@ from flyrl.envs.task_batch import TaskBatch, Transition, check_terms, generator
 from flyrl.simulation.batch import MOST_SIMS, Batch
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.rendering import BodyRenderer
-from flyrl.simulation.scene import Scene
 from flyrl.tasks import Episode, TaskState
 from flyrl.tasks.episode import LENGTHS
 from flyrl.tasks.terms import failure_info
@@ -93,11 +92,6 @@ class BatchedEnv:
             raise TypeError(f"the bodies of the task {self.task.name!r} are no flies")
         return batch
 
-    @property
-    def scene(self) -> Scene:
-        """The compiled scene."""
-        return self.batch.scene
-
     def reset(
         self,
         seeds: Sequence[int | None] | None = None,
@@ -165,9 +159,8 @@ class BatchedEnv:
         self._check_reset()
         all_goals = self._scores.goal
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
-        shape = (len(chosen), all_goals.shape[1])
         all_goals[chosen] = float_array(
-            "goals", goals, shape, minimum=LENGTHS.low, maximum=LENGTHS.high
+            "goals", goals, all_goals[chosen].shape, minimum=LENGTHS.low, maximum=LENGTHS.high
         )
         self.simulation.set_goals(chosen, all_goals[chosen])
         return self.observe()
@@ -177,9 +170,7 @@ class BatchedEnv:
         if seed is not None:
             self._rngs[i] = np.random.default_rng(random_seed(seed))
         else:
-            rng = self._rngs[i]
-            if rng is None:
-                rng = self._rngs[i] = np.random.default_rng()
+            rng = self._rngs[i] = self._rngs[i] or np.random.default_rng()
             seed = int(rng.integers(2**31))
         return self.config.sample_episode(seed, self.difficulty)
 
@@ -206,9 +197,7 @@ class BatchedEnv:
         if is_unstable.any():
             # what blew up is shown as it was before the decision, which then ends its episode
             passed = previous.time + self.config.decision_interval_s
-            now = replace(
-                _where(is_unstable, previous, now), time=np.where(is_unstable, passed, now.time)
-            )
+            now = _where(is_unstable, replace(previous, time=passed), now)
         self.state = now
         return self._scores.decide(now, previous, self.batch.props(now.time), moved)
 

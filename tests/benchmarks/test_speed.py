@@ -80,8 +80,8 @@ def test_worms_are_timed_by_name() -> None:
 def test_the_bare_replay_must_end_where_the_recording_did() -> None:
     env = BatchedEnv(EnvConfig(physics="fast"), 2, num_threads=1)
     recording = overhead.record(env, np.ones((2, 2)), 20)
-    bare = overhead.Batch(env.scene.model, 2, 1)
-    assert overhead.replay(bare, env.scene, recording) > 0
+    bare = overhead.Batch(env.batch.scene.model, 2, 1)
+    assert overhead.replay(bare, env.batch.scene, recording) > 0
     recording.controls[1, 5, :3] += 0.1
     with pytest.raises(RuntimeError, match="left the recorded trajectory"):
-        overhead.replay(bare, env.scene, recording)
+        overhead.replay(bare, env.batch.scene, recording)

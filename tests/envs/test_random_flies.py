@@ -27,7 +27,7 @@ def test_episodes_hold_what_was_drawn_for_each_simulation_and_are_else_the_same(
         assert episode.randomisation == CONFIG.resolved_randomisation.draw(seed)
         assert replace(episode, randomisation=UNVARIED) == PLAIN.sample_episode(seed)
         friction = env.flies._batch.get_model(sim).pair_friction
-        expected = env.scene.model.pair_friction * episode.randomisation.friction
+        expected = env.batch.scene.model.pair_friction * episode.randomisation.friction
         np.testing.assert_array_equal(friction, expected)
 
 
@@ -90,7 +90,7 @@ def test_reset_options_fix_what_they_name_and_leave_the_rest_as_drawn() -> None:
     assert info["randomisation"] == replace(drawn, **fixed).numbers()
     core = env.unwrapped.core
     friction = core.flies._batch.get_model(0).pair_friction
-    np.testing.assert_array_equal(friction, core.scene.model.pair_friction / 2)
+    np.testing.assert_array_equal(friction, core.batch.scene.model.pair_friction / 2)
     assert core.flies.userdata["head"]["clock"]["latency"][0] == 25  # steps of 0.4 ms
 
 

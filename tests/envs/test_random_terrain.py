@@ -57,7 +57,7 @@ def test_everything_that_touches_is_found(name: str) -> None:
     count = 0
     for sim in range(2):
         varied = env.flies._batch.get_model(sim)
-        compiled = alone(terrain, env, sim).scene.model
+        compiled = alone(terrain, env, sim).batch.scene.model
         found = [mujoco.MjData(model) for model in (varied, compiled)]
         for _ in range(30):
             pose = env.flies._qpos[sim].copy()

@@ -89,7 +89,7 @@ def test_every_fly_has_a_slope_of_its_own():
     for expected, episode in zip(both.flies.integration_state(), episodes, strict=True):
         single = made(1, seed=episode.ground_seed)
         down = both.config.scene.terrain.draw(episode.ground_seed).down
-        np.testing.assert_allclose(single.scene.model.opt.gravity, 9810 * np.array(down))
+        np.testing.assert_allclose(single.batch.scene.model.opt.gravity, 9810 * np.array(down))
         single.reset(episodes=[episode])
         single.step(np.ones((1, 2)))
         np.testing.assert_array_equal(single.flies.integration_state()[0], expected)

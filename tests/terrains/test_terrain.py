@@ -113,7 +113,7 @@ def my_ground(own_module):
 def test_a_terrain_of_ones_own_is_walked_on(my_ground):
     walk = flyrl.walk(terrain={"name": my_ground, "height": 0.1}, seconds=0.05)
     assert walk.outcome == "running"
-    assert walk.env.scene.model.geom("ground_0").size[2] <= 0.05
+    assert walk.env.batch.scene.model.geom("ground_0").size[2] <= 0.05
 
 
 def test_a_record_makes_no_terrain_of_code_that_is_not_loaded(my_ground):

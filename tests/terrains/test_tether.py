@@ -40,7 +40,7 @@ def test_a_turn_is_a_turn_of_the_ball_about_the_vertical(drive, sign):
 def test_the_velocity_of_the_top_of_the_ball_is_worked_out_by_hand():
     env = BatchedEnv(EnvConfig("hybrid_turning", body="tethered", terrain=Ball(radius=4.0)), 1, 1)
     env.reset(seeds=[0])
-    dof = env.scene.model.joint("ball").dofadr[0]
+    dof = env.batch.scene.model.joint("ball").dofadr[0]
     # backwards over +y: the top moves along +x, at 4 mm times 2 rad/s, so the fly seems to back up
     env.flies._qvel[0, dof : dof + 3] = (0.0, 2.0, 0.5)
     np.testing.assert_allclose(env.flies.state().fictive_velocity_b, [[-8.0, 0.0, -0.5]])
