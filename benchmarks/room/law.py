@@ -51,7 +51,7 @@ def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
     """Draw settings: the gain of a pursuit log-uniformly, all others uniformly.
 
     A brake, to stop, and a lead, to catch what moves, only where a task asks for them. Where the
-    time left is shown, every other law is `unhurried`.
+    time left is shown, half of the laws are `unhurried`.
     """
     if _is_commanded(task):
         return {

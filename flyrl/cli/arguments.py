@@ -1,4 +1,4 @@
-"""The command line before any work: jobs of a sweep, and errors with the closest match."""
+"""The command line before any work: choices, jobs of a sweep, errors with the closest match."""
 
 import argparse
 import functools
