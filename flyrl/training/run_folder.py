@@ -56,8 +56,6 @@ from flyrl.training.runs import (
     read_run,
 )
 
-_COMMAND_FILE: Final = "command.txt"
-
 
 def create_folder(
     config: TrainingConfig, runs: Path, command: Sequence[str] = (), label: str = ""
@@ -83,8 +81,7 @@ def create_folder(
     folder = new_folder(runs, f".{name}")
     try:
         write_text(folder / CONFIG_FILE, yaml.safe_dump(training_record(config), sort_keys=False))
-        if command:
-            write_text(folder / _COMMAND_FILE, f"{shlex.join(command)}\n")
+        _note_command(folder, command)
         write_json(folder / "provenance.json", origin)
         _write_changes(folder / "code.diff")
         return folder.rename(new_folder(runs, name))
@@ -110,10 +107,7 @@ def note_resumption(config: TrainingConfig, folder: Path, command: Sequence[str]
     for place in (folder, folder / "checkpoints"):
         for left in place.glob(".partial-*"):  # of `flyrl.files`, by a process that was killed
             left.unlink(missing_ok=True)
-    if command:
-        path = folder / _COMMAND_FILE
-        before = path.read_text() if path.exists() else ""
-        write_text(path, f"{before}{shlex.join(command)}\n")
+    _note_command(folder, command)
     record = dict(read_run(folder).provenance)
     resumed = record.get("resumed")
     resumed = resumed if isinstance(resumed, list) else []
@@ -150,6 +144,13 @@ def _origin(config: TrainingConfig, started: datetime.datetime) -> dict[str, Any
 def _write_changes(path: Path) -> None:
     if changes := code_changes():
         write_bytes(path, changes)
+
+
+def _note_command(folder: Path, command: Sequence[str]) -> None:
+    path = folder / "command.txt"
+    earlier = path.read_text() if path.exists() else ""
+    if command:
+        write_text(path, earlier + shlex.join(command) + "\n")
 
 
 _FORMAT: Final = 11
