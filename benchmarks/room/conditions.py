@@ -11,6 +11,7 @@ _BODY: Final = FLIES["current"]
 _ROUGH: Final = "random_mixed"
 _TIGHT: Final = {"name": "slalom", "spacing": (3.0, 5.0), "turn": 120.0, "time_limit": 3.0}
 _LESION: Final = RANDOMISATIONS["lesion"]
+_LATENCY: Final = RandomisationConfig(drive_latency=(0.05, 0.05))
 
 CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "flat": {},
@@ -28,12 +29,15 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "any_leg_cut": {"terrain": "any", "randomisation": _LESION},
     "weak_left_side": {"body": replace(FLIES["fly_muscles"], muscles=LegMuscles(left=0.5))},
     "adhesion_30": {"randomisation": RandomisationConfig(adhesion=(0.3, 0.3))},
-    "latency_50_ms": {"randomisation": RandomisationConfig(drive_latency=(0.05, 0.05))},
+    "latency_50_ms": {"randomisation": _LATENCY},
     "unfiltered": {"task": "target_unfiltered"},
     "unfiltered_mixed": {"task": "target_unfiltered", "terrain": _ROUGH},
     "pushes": {"task": "heading"},
     "slalom": {"task": "slalom"},
     "slalom_tight": {"task": _TIGHT},
+    "slalom_tighter": {"task": {**_TIGHT, "spacing": (2.0, 4.0), "turn": 150.0}},
+    "slalom_tight_latency_50_ms": {"task": _TIGHT, "randomisation": _LATENCY},
+    "slalom_tight_any_leg_cut": {"task": _TIGHT, "randomisation": _LESION},
     "slalom_mixed": {"task": {"name": "slalom", "spacing": (3.0, 5.0)}, "terrain": _ROUGH},
     "chase": {"task": "chase"},
     "chase_fast": {"task": {"name": "chase", "speed": 14.0}},

@@ -11,6 +11,9 @@ from flyrl.policies.laws import FIXED, QUICK_PURSUIT, UnhurriedPursuit, pursuit_
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Task
 
+GENTLE: Final = {"gain": 1.0, "forward": 0.6, "weakest": 0.2, "strongest": 0.9}
+"""Slow enough to hold on to a steep slope (12 of 64 flies at 60°, the literature's turn none)."""
+
 STAGES: Final = ((24, 8), (8, 16), (3, 32))
 """Settings that are still in, and episodes that each walks: 416 in all, of up to 150 decisions
 (successive halving); the main job trains for 30,000 at most."""
@@ -34,7 +37,7 @@ def _is_commanded(task: Task) -> bool:
 
 
 def published(task: Task) -> tuple[Settings, ...]:
-    """The literature's turn, the quick one, and the unhurried one where the time left is shown.
+    """The literature's turn, the quick, the gentle, and, where the time left is shown, `unhurried`.
 
     Where the fly is to stop, all brake. Of a command: answered without a correction, and with the
     usual one.
@@ -44,7 +47,7 @@ def published(task: Task) -> tuple[Settings, ...]:
     brake = {"brake": pursuit_brake(task)}
     unhurried = {"reserve": UnhurriedPursuit.reserve, **brake}
     more = (unhurried,) if FIXED["unhurried"].goes_with(task) else ()
-    return brake, {**QUICK_PURSUIT, **brake}, *more
+    return brake, {**QUICK_PURSUIT, **brake}, {**GENTLE, **brake}, *more
 
 
 def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
