@@ -30,8 +30,8 @@ from flyrl.policies import load_policy
 from flyrl.rollouts import EpisodeRecord, Policy, run_episodes
 from flyrl.tasks import Episode
 
-ROBUST: Final = PlannerConfig(tries=4, noise=0.1)
-"""Of a planner that knows the state and the ground, and not where a stumble leads."""
+ROBUST: Final = PlannerConfig(tries=4, noise=0.1, foresees=False)
+"""Of a planner that knows state and ground, but not where a stumble leads, nor the next command."""
 
 OUTPUT: Final = Path(__file__).parent / "room.json"
 

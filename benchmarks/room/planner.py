@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.envs.core import BatchedEnv
+from flyrl.policies.networks import vectors
 from flyrl.rollouts import Policy
 
 Array = NDArray[np.float64]
@@ -39,6 +40,8 @@ class PlannerConfig:
         Standard deviation by which the actions on each copy differ, decision by decision. On rough
         ground the least disturbance soon leads elsewhere; without noise, a plan may have been
         chosen for luck that only this one future has.
+    foresees
+        Whether it knows commands before they are given; if not, plans end where the next one comes.
     """
 
     candidates: int = 16
@@ -49,6 +52,7 @@ class PlannerConfig:
     spread: float = 0.5
     tries: int = 1
     noise: float = 0.0
+    foresees: bool = True
 
 
 class Planner:
@@ -79,6 +83,7 @@ class Planner:
         self._rng = np.random.default_rng(seed)
         low, high = env.task.actions.bounds
         self._low, self._high = low, high
+        self._command_time = env.task.slices().get("command_time")
         knots = KNOT_S * np.arange(config.knots, dtype=np.float64)
         interval = env.config.decision_interval_s
         # how much of every knot there is in the action of each decision, and in each knot later
@@ -131,7 +136,7 @@ class Planner:
         plans = np.repeat(plans, config.tries, axis=0)
         observation = copies.copy_from(self._env, [0] * len(plans))
         scores, active = np.zeros(len(plans)), np.arange(len(plans))
-        for weights in self._weights:
+        for weights in self._weights[: self._known(observation)]:
             offsets = np.einsum("k,nkd->nd", weights, plans)
             offsets += self._rng.normal(0.0, config.noise, offsets.shape)
             actions = self._act(observation, offsets)
@@ -142,6 +147,13 @@ class Planner:
             if not active.size:
                 break
         return np.asarray(scores.reshape(-1, config.tries).mean(axis=1))
+
+    def _known(self, observation: Any) -> int:
+        """Decisions of a plan whose command is known."""
+        if self._config.foresees or self._command_time is None:
+            return len(self._weights)
+        left_s = vectors(observation)[0, self._command_time].item()
+        return round(left_s / self._env.config.decision_interval_s)
 
 
 def _weights(times: Array, knots: Array) -> Array:

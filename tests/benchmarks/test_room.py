@@ -1,5 +1,7 @@
 """Room between the best law and what planning on the simulation reaches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,22 @@ def test_the_planner_walks_to_a_target_where_its_law_stands(env):
     standing = ConstantDrive(0.0, 0.0, env.task)
     assert abs(walked(env, standing)) < 0.5
     assert walked(env, Planner(env, standing, PlannerConfig(candidates=8, spread=1.0))) > 1.0
+
+
+@pytest.mark.parametrize("foresees", [True, False])
+def test_only_a_planner_that_foresees_acts_on_the_command_after_this_one(foresees):
+    config = EnvConfig(
+        task={"name": "velocity", "command_time": 0.2, "on_command": 0.1, "time_limit": 0.4},
+        terrain="flat",
+        physics="fast",
+    )
+    env = BatchedEnv(config, 1, num_threads=1)
+    first_actions = []
+    for next_speed in (2.0, 12.0):
+        planner = Planner(env, ConstantDrive(1.0, 1.0, env.task), PlannerConfig(foresees=foresees))
+        episode = replace(config.sample_episode(3), command=(6.0, 0.0, next_speed, 0.0))
+        first_actions.append(planner.predict(env.reset(episodes=[episode]))[0])
+    assert np.array_equal(*first_actions) != foresees
 
 
 def test_a_law_is_better_by_its_successes_and_then_by_its_time():
