@@ -101,7 +101,8 @@ def publish(run: Path, name: str, folder: Path, episodes: int, num_threads: int)
         # a policy of today holds its own
         "settings": {group: record[group] for group in ("algo", "training")},
         **bundle.training,
-        "command": _command_anywhere((run / "command.txt").read_text()),
+        # the first line; those after it say where it was resumed
+        "command": _command_anywhere((run / "command.txt").read_text().splitlines()[0]),
         "provenance": {**provenance, "cpu": {"model": provenance["cpu"]["model"]}},
         "held_out": judge(run, record, episodes, num_threads),
     }
