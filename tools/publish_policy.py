@@ -143,14 +143,14 @@ def judge(run: Path, record: dict[str, Any], episodes: int, num_threads: int) ->
         num_threads=num_threads,
         progress=True,
     )
-    kept = ("controller", "outcomes", "success_rate", "metrics", "paired")
-    results = [{key: row[key] for key in kept} for row in evaluate(config).summaries]
-    return {
-        "episodes": episodes,
-        "seed": config.seed,
-        "compared": list(compared_metrics(config.resolved_task)),
-        "results": results,
-    }
+    compared = list(compared_metrics(config.resolved_task))
+    kept = ("controller", "outcomes", "success_rate", "paired")
+    results = [
+        {key: row[key] for key in kept}
+        | {"metrics": {name: row["metrics"][name] for name in compared if name in row["metrics"]}}
+        for row in evaluate(config).summaries
+    ]
+    return {"episodes": episodes, "seed": config.seed, "compared": compared, "results": results}
 
 
 def model_card(name: str, bundle: PolicyBundle) -> str:
