@@ -37,6 +37,8 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "slalom_tight": {"task": _TIGHT},
     "slalom_tighter": {"task": {**_TIGHT, "spacing": (2.0, 4.0), "turn": 150.0}},
     "slalom_tight_latency_50_ms": {"task": _TIGHT, "randomisation": _LATENCY},
+    "slalom_tight_hills": {"task": _TIGHT, "terrain": "random_hills"},
+    "slalom_tight_mixed": {"task": _TIGHT, "terrain": _ROUGH},
     "slalom_mixed": {"task": {"name": "slalom", "spacing": (3.0, 5.0)}, "terrain": _ROUGH},
     "chase": {"task": "chase"},
     "chase_fast": {"task": {"name": "chase", "speed": 14.0}},

@@ -28,6 +28,7 @@ from flyrl.cli.main import command_parsers
 from flyrl.evaluation import evaluate
 from flyrl.policies import named_policies
 from flyrl.training.learn import train
+from flyrl.training.runs import read_run
 from tests.docs.pages import PAGES, ROOT, SHELLS, blocks, language_of
 
 PLACEHOLDERS = {
@@ -222,9 +223,8 @@ def _failing():
 
 
 def _terms(overrides):
-    """The task and the terms of its own that a training or an evaluation asks for."""
-    keys = ("task.terms=", "task.without=", "task=my_")
-    return tuple(each for each in overrides if each.startswith(keys))
+    """Terms of its own that a training or an evaluation asks for."""
+    return tuple(each for each in overrides if each.startswith(("task.terms=", "task.without=")))
 
 
 FAILING = dict(_failing())
@@ -243,10 +243,13 @@ def test_every_training_runs_and_every_evaluation_too(folder_of, subtests, monke
                 continue
             run = trained(overrides, folder / "runs", before)
             assert (run.folder / "last.safetensors").exists()
-            learned[_terms(overrides)] = run.folder
+            task = read_run(run.folder).settings["task"]["name"]
+            learned[task, *_terms(overrides)] = run.folder
     for overrides, (page, command) in composed("evaluate").items():
         with subtests.test(f"{page}: {command}"):
-            assert not evaluated(overrides, learned[_terms(overrides)]).protocol["crashes"]
+            task = composed_values("evaluate", overrides)["task"]["name"]
+            run = learned.get((task, *_terms(overrides)))
+            assert not evaluated(overrides, run).protocol["crashes"]
 
 
 @pytest.mark.parametrize("page", PAGES)
