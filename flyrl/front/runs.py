@@ -149,7 +149,7 @@ def simulated_shares(
 ) -> dict[str, float]:
     """Parts of a training with a comparison -> how long each takes, in simulated s of training.
 
-    Measured in `experiment=main` on two cores.
+    Measured in the task `target` on any ground, on two cores.
 
     Parameters
     ----------

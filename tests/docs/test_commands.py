@@ -160,12 +160,14 @@ def trained(overrides, folder, before):
 def evaluated(overrides, learned):
     """Evaluate with overrides, but for `SHORT` and `COARSE`: one terrain, one value of each.
 
-    `learned` is the folder of a run, which stands for policies that do not come with flyrl.
+    `learned` has folders of runs by their task and `_terms`; the one that fits stands for policies
+    that do not come with flyrl.
     """
     record = short_values("evaluate", [*overrides, *SHORT, *SHORT_EVALUATION])
     settings = evaluation_settings(record)
     known = named_policies()
-    policies = [name if name in known else str(learned) for name in settings["policies"]]
+    run = learned.get((record["task"]["name"], *_terms(overrides)))
+    policies = [name if name in known else str(run) for name in settings["policies"]]
     vary = settings["vary"]
     one_each = vary and {name: values[-1:] for name, values in vary.items()}
     terrains = settings["terrains"][-1:]
@@ -247,9 +249,7 @@ def test_every_training_runs_and_every_evaluation_too(folder_of, subtests, monke
             learned[task, *_terms(overrides)] = run.folder
     for overrides, (page, command) in composed("evaluate").items():
         with subtests.test(f"{page}: {command}"):
-            task = composed_values("evaluate", overrides)["task"]["name"]
-            run = learned.get((task, *_terms(overrides)))
-            assert not evaluated(overrides, run).protocol["crashes"]
+            assert not evaluated(overrides, learned).protocol["crashes"]
 
 
 @pytest.mark.parametrize("page", PAGES)
