@@ -149,7 +149,7 @@ def simulated_shares(
 ) -> dict[str, float]:
     """Parts of a training with a comparison -> how long each takes, in simulated s of training.
 
-    Measured in the task `target` on any ground, on two cores.
+    Measured in the main job, on two cores.
 
     Parameters
     ----------
@@ -165,11 +165,11 @@ def simulated_shares(
     simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
     schedule = config.training
     return {
-        "teacher": 0.7 * schedule.num_demonstrations * config.env.decision_interval_s,
+        "teacher": 0.35 * schedule.num_demonstrations * config.env.decision_interval_s,
         "training": schedule.total_timesteps * config.env.decision_interval_s,
-        "evaluating": 0.5 * simulated_s,
-        "filming": 75.0 * films if videos else 0.0,
-        "reporting": 150.0,
+        "evaluating": 0.35 * simulated_s,
+        "filming": 25.0 * films if videos else 0.0,
+        "reporting": 85.0,
     }
 
 
