@@ -10,8 +10,11 @@ from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 _BODY: Final = FLIES["current"]
 _ROUGH: Final = "random_mixed"
 _TIGHT: Final = {"name": "slalom", "spacing": (3.0, 5.0), "turn": 120.0, "time_limit": 3.0}
+_TIGHTER: Final = {**_TIGHT, "spacing": (2.0, 4.0), "turn": 150.0}
 _LESION: Final = RANDOMISATIONS["lesion"]
 _LATENCY: Final = RandomisationConfig(drive_latency=(0.05, 0.05))
+_LITTLE_ADHESION: Final = RandomisationConfig(adhesion=(0.3, 0.3))
+_WEAK_LEFT: Final = replace(FLIES["fly_muscles"], muscles=LegMuscles(left=0.5))
 
 CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "flat": {},
@@ -27,17 +30,21 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "middle_leg_cut": {"body": replace(_BODY, missing_legs=("LM",))},
     "hind_leg_cut": {"body": replace(_BODY, missing_legs=("LH",))},
     "any_leg_cut": {"terrain": "any", "randomisation": _LESION},
-    "weak_left_side": {"body": replace(FLIES["fly_muscles"], muscles=LegMuscles(left=0.5))},
-    "adhesion_30": {"randomisation": RandomisationConfig(adhesion=(0.3, 0.3))},
+    "weak_left_side": {"body": _WEAK_LEFT},
+    "adhesion_30": {"randomisation": _LITTLE_ADHESION},
     "latency_50_ms": {"randomisation": _LATENCY},
     "unfiltered": {"task": "target_unfiltered"},
     "unfiltered_mixed": {"task": "target_unfiltered", "terrain": _ROUGH},
     "pushes": {"task": "heading"},
     "slalom": {"task": "slalom"},
     "slalom_tight": {"task": _TIGHT},
-    "slalom_tighter": {"task": {**_TIGHT, "spacing": (2.0, 4.0), "turn": 150.0}},
+    "slalom_tighter": {"task": _TIGHTER},
+    "slalom_tighter_weak_left_side": {"task": _TIGHTER, "body": _WEAK_LEFT},
+    "slalom_tighter_adhesion_30": {"task": _TIGHTER, "randomisation": _LITTLE_ADHESION},
+    "slalom_tighter_unfiltered": {"task": {**_TIGHTER, "drive_time_constant": 0.0}},
     "slalom_tight_latency_50_ms": {"task": _TIGHT, "randomisation": _LATENCY},
     "slalom_tight_hills": {"task": _TIGHT, "terrain": "random_hills"},
+    "slalom_tight_any": {"task": _TIGHT, "terrain": "any"},
     "slalom_tight_mixed": {"task": _TIGHT, "terrain": _ROUGH},
     "slalom_mixed": {"task": {"name": "slalom", "spacing": (3.0, 5.0)}, "terrain": _ROUGH},
     "chase": {"task": "chase"},

@@ -16,7 +16,7 @@ ENOUGH: Final = 0.85
 LEAST_ROOM: Final = 0.15
 """Between the better law and the bound, from which on learning is worth a try."""
 
-LAWS: Final = ("tuned", "published")
+LAWS: Final = ("tuned", "published", "usual")
 
 _WHO: Final = {
     "published": ("law as published", "#9a9a9a"),
@@ -33,8 +33,8 @@ def rate(row: Mapping[str, Any], who: str) -> float:
 
 
 def better_law(row: Mapping[str, Any]) -> str:
-    """Law that succeeds more often, the published one or the tuned one."""
-    return max(LAWS, key=lambda law: rate(row, law))
+    """Law that succeeds most often, of those that walked."""
+    return max((law for law in LAWS if law in row), key=lambda law: rate(row, law))
 
 
 def room(row: Mapping[str, Any]) -> float:
@@ -51,7 +51,8 @@ def verdict(row: Mapping[str, Any]) -> str:
         if "robust" not in row:
             return "room"
         robust = row["robust"]["success"]
-        on_the_same = max(np.mean(row[law]["success"][: len(robust)]) for law in LAWS)
+        laws = [law for law in LAWS if law in row]
+        on_the_same = max(np.mean(row[law]["success"][: len(robust)]) for law in laws)
         return "luck" if np.mean(robust) - on_the_same < LEAST_ROOM else "room"
     return "law" if rate(row, better_law(row)) >= ENOUGH else "nothing"
 

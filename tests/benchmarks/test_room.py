@@ -82,11 +82,11 @@ def test_the_table_has_the_room_above_the_better_law_and_the_share_that_a_policy
     )
     assert (rates.split()[0], room, found) == ("100%", "50%", "room")
     row["learned"] = success(
-        published=[1, 1, 1, 0, 0, 0], tuned=[0, 1, 0, 0, 0, 0], policy=[1, 1, 1, 1, 0, 0]
+        published=[1, 1, 0, 0, 0, 0], tuned=[0, 1, 0, 0, 0, 0], policy=[1, 1, 1, 1, 0, 0]
     )
     *_, law, policy, gain, share, _ = table({"blocks": row}).splitlines()[-1].split("|")
-    # 1 / 6 of 1 / 2
-    assert [each.split()[0] for each in (law, policy, gain, share)] == ["50%", "67%", "+17%", "33%"]
+    # 1 / 3 of the 2 / 3 that the better law of these six leaves
+    assert [each.split()[0] for each in (law, policy, gain, share)] == ["33%", "67%", "+33%", "50%"]
 
 
 HALF = [True] * 10 + [False] * 10
