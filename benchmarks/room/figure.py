@@ -20,6 +20,7 @@ LAWS: Final = ("tuned", "published", "usual")
 
 _WHO: Final = {
     "published": ("law as published", "#9a9a9a"),
+    "usual": ("flyrl's law", "#56b4e9"),
     "tuned": ("law tuned here", "#0072b2"),
     "robust": ("robust bound", "#cc79a7"),
     "bound": ("bound", "#d55e00"),
@@ -61,9 +62,8 @@ def draw(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     """Draw shares of successes with their 95 % intervals, most room on top; SVG or PNG."""
     ordered = sorted(results, key=lambda name: room(results[name]))
     figure, axes = plt.subplots(figsize=(7.0, 1.2 + 0.28 * len(ordered)), layout="constrained")
-    for offset, (who, (label, colour)) in zip(
-        (0.32, 0.16, 0.0, -0.16, -0.32), _WHO.items(), strict=True
-    ):
+    offsets = np.linspace(0.35, -0.35, len(_WHO))
+    for offset, (who, (label, colour)) in zip(offsets, _WHO.items(), strict=True):
         rows = [{**results[name], **results[name].get("learned", {})} for name in ordered]
         places = [i for i, row in enumerate(rows) if who in row]
         if not places:
@@ -84,7 +84,7 @@ def draw(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     axes.set(
         xlabel="successes, % (95 % intervals)", xlim=(-2, 102), ylim=(-0.6, len(ordered) - 0.4)
     )
-    figure.legend(loc="outside upper center", ncols=5, frameon=False, handlelength=1, fontsize=8)
+    figure.legend(loc="outside upper center", ncols=6, frameon=False, handlelength=1, fontsize=8)
     with replacing(path) as partial:
         figure.savefig(partial, format=path.suffix[1:])
     plt.close(figure)
