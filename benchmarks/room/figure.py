@@ -29,13 +29,14 @@ _WHO: Final = {
 
 
 def rate(row: Mapping[str, Any], who: str) -> float:
-    """Share of successes of the published law, the tuned one, or the bound."""
+    """Share of successes of a law or of a bound."""
     return float(np.mean(row[who]["success"]))
 
 
-def better_law(row: Mapping[str, Any]) -> str:
-    """Law that succeeds most often, of those that walked."""
-    return max((law for law in LAWS if law in row), key=lambda law: rate(row, law))
+def better_law(row: Mapping[str, Any], first: int | None = None) -> str:
+    """Law that succeeds most often, of those that walked, in all or in the first episodes."""
+    walked = [law for law in LAWS if law in row]
+    return max(walked, key=lambda law: float(np.mean(row[law]["success"][:first])))
 
 
 def room(row: Mapping[str, Any]) -> float:
@@ -52,8 +53,8 @@ def verdict(row: Mapping[str, Any]) -> str:
         if "robust" not in row:
             return "room"
         robust = row["robust"]["success"]
-        laws = [law for law in LAWS if law in row]
-        on_the_same = max(np.mean(row[law]["success"][: len(robust)]) for law in laws)
+        law = better_law(row, len(robust))
+        on_the_same = np.mean(row[law]["success"][: len(robust)])
         return "luck" if np.mean(robust) - on_the_same < LEAST_ROOM else "room"
     return "law" if rate(row, better_law(row)) >= ENOUGH else "nothing"
 

@@ -1,4 +1,4 @@
-"""A law, tuned for a condition with as many decisions as a training has."""
+"""A law, tuned for a condition on training episodes."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -17,7 +17,7 @@ literature's turn none of 20."""
 
 STAGES: Final = ((24, 8), (8, 16), (3, 32))
 """Settings that are still in, and episodes that each walks: 416 in all, of up to 150 decisions
-(successive halving); the main job trains for 16,384 at most."""
+(successive halving)."""
 
 Settings = Mapping[str, float]
 """Of the law, by name."""
