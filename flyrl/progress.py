@@ -16,10 +16,11 @@ FILE_INTERVAL_S: Final = 30.0
 
 @dataclass(frozen=True)
 class _Job:
-    """A job of several parts, which share one bar: the start and the length of each, in %."""
+    """A job of several parts, which share one bar: the length of each, and what of it is done."""
 
     bar: "tqdm[NoReturn]"
-    parts: Mapping[str, tuple[float, float]]
+    lengths: dict[str, float]
+    done: dict[str, float]
 
 
 _JOB: ContextVar[_Job | None] = ContextVar("_JOB", default=None)
@@ -32,19 +33,15 @@ def whole_job(shares: Mapping[str, float]) -> Iterator[None]:
     Parameters
     ----------
     shares
-        Description of each of these bars, in their order -> how long it takes, in any unit. Other
-        bars are drawn as ever; so are all where this is empty.
+        Description of each of these bars -> how long it takes, in any unit. One that ends early
+        takes what it leaves out off the whole. Other bars are drawn as ever; so are all where this
+        is empty.
     """
-    parts, start = {}, 0.0
-    for part, share in shares.items():
-        length = 100 * share / sum(shares.values())
-        parts[part] = (start, length)
-        start += length
     layout = "{desc} {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
-    with progress_bar(100, is_shown=bool(shares), unit="%", layout=layout) as bar:
-        # the parts say when to draw
-        bar.mininterval, bar.miniters, bar.dynamic_miniters = 0, 0, False
-        token = _JOB.set(_Job(bar, parts))
+    with progress_bar(sum(shares.values()), is_shown=bool(shares), unit="", layout=layout) as bar:
+        # the parts say when to draw; the time left goes by the mean rate
+        bar.mininterval, bar.miniters, bar.dynamic_miniters, bar.smoothing = 0, 0, False, 0
+        token = _JOB.set(_Job(bar, dict(shares), dict.fromkeys(shares, 0.0)))
         try:
             yield
         finally:
@@ -59,18 +56,25 @@ class _Part(tqdm):  # type: ignore[type-arg]
         job = _JOB.get()
         if job is None:
             return
-        start, length = job.parts[self.desc]
         shown, bar = self.format_dict, job.bar
         mean = (self.n - self.initial) / max(shown["elapsed"], 1e-9)
         rate = f"{(shown['rate'] or mean) * (shown['unit_scale'] or 1):.3g}{self.unit}/s"
         bar.set_description_str(self.desc, refresh=False)
         bar.set_postfix_str(", ".join(filter(None, (rate, str(self.postfix or "")))), refresh=False)
-        done = start + length * self.n / (self.total or 1)
-        bar.update(min(100, done) - bar.n)
+        job.done[self.desc] = job.lengths[self.desc] * min(1, self.n / (self.total or 1))
+        bar.update(sum(job.done.values()) - bar.n)
+
+    def close(self) -> None:
+        """Take what is left of this part, which ends early, off the job."""
+        was_open, job = not self.disable, _JOB.get()
+        super().close()  # which draws it
+        if was_open and job is not None:
+            job.lengths[self.desc] = job.done[self.desc]
+            job.bar.total = sum(job.lengths.values())
 
 
 def progress_bar(
-    total: int,
+    total: float,
     *,
     is_shown: bool,
     unit: str,
@@ -96,7 +100,7 @@ def progress_bar(
         Format of the line, tqdm's `bar_format`; None takes tqdm's own.
     """
     job = _JOB.get()
-    is_part = is_shown and job is not None and description in job.parts
+    is_part = is_shown and job is not None and description in job.lengths
     bar: type[tqdm[NoReturn]] = _Part if is_part else tqdm
     return bar(
         total=total,
