@@ -20,7 +20,7 @@ from benchmarks.fidelity.comparison import interval_text
 from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
 from benchmarks.room.figure import LEAST_ROOM, better_law, draw, rate, room, verdict
-from benchmarks.room.law import Settings, law, published, tuned
+from benchmarks.room.law import LAWS, Settings, known, law, tuned
 from benchmarks.room.planner import Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import FIRST_SEED
@@ -36,19 +36,20 @@ ROBUST: Final = PlannerConfig(tries=4, noise=0.1, foresees=False)
 OUTPUT: Final = Path(__file__).parent / "room.json"
 
 
-def measure(config: EnvConfig, episodes: list[Episode]) -> dict[str, Any]:
+def measure(config: EnvConfig, episodes: list[Episode], laws: int = LAWS) -> dict[str, Any]:
     """Successes and times of the laws, and the bound, of one condition.
 
-    A published law that never fails is not tuned. Where it does, flyrl's own, with its usual
-    settings, walks too: tuning may miss it by chance. The bound of an episode is the best of the
-    laws and a planner that knows the future, which is only asked where they fail.
+    A published law that never fails is not tuned. Where it does, the best of `laws` walks, and
+    flyrl's own with its usual settings: tuning may miss it by chance. The bound of an episode is
+    the best of the laws and a planner that knows the future, which is only asked where they fail.
     """
     env = BatchedEnv(config, 8)
-    settings, usual, *_ = published(env.task)
+    by_name = known(env.task)
+    settings = by_name["published"]
     walked = {"published": run_episodes(env, law(env.task, settings), episodes)}
     if not all(record.success for record in walked["published"]):
-        walked["usual"] = run_episodes(env, law(env.task, usual), episodes)
-        settings = tuned(env)
+        walked["usual"] = run_episodes(env, law(env.task, by_name["usual"]), episodes)
+        settings = tuned(env, laws)
     best = law(env.task, settings)
     walked["tuned"] = run_episodes(env, best, episodes)
     bound = [max(pair, key=_worth) for pair in zip(*walked.values(), strict=True)]
@@ -57,7 +58,7 @@ def measure(config: EnvConfig, episodes: list[Episode]) -> dict[str, Any]:
     for i, record in zip(failed, planned, strict=True):
         bound[i] = max(bound[i], record, key=_worth)
     rows = {name: _row(records) for name, records in {**walked, "bound": bound}.items()}
-    return {"law": dict(settings), "horizon_s": bound[0].horizon_s, **rows}
+    return {"law": dict(settings), "laws": laws, "horizon_s": bound[0].horizon_s, **rows}
 
 
 def without_luck(config: EnvConfig, settings: Settings, episodes: list[Episode]) -> dict[str, Any]:
@@ -84,8 +85,8 @@ def learned(
 ) -> dict[str, Any]:
     """Successes of a learned policy and of the laws, on held-out episodes of one condition."""
     env = BatchedEnv(config, 8)
-    literature, usual, *_ = published(env.task)
-    laws = {"published": literature, "usual": usual, "tuned": settings}
+    by_name = known(env.task)
+    laws = {"published": by_name["published"], "usual": by_name["usual"], "tuned": settings}
     who = {
         "policy": load_policy(policy, env.task),
         **{name: law(env.task, each) for name, each in laws.items()},
@@ -148,6 +149,7 @@ def main() -> None:
         "conditions", nargs="*", choices=(*CONDITIONS, "all"), default="all", metavar="CONDITION"
     )
     parser.add_argument("--episodes", type=int, default=20, help="held-out ones per condition")
+    parser.add_argument("--laws", type=int, default=LAWS, help="that are tuned")
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--show", action="store_true", help="only print what is in --output")
     parser.add_argument("--figure", type=Path, help="draw what is in --output, SVG or PNG")
@@ -166,7 +168,7 @@ def main() -> None:
         config = replace(EnvConfig(), **CONDITIONS[name])
         episodes = [config.sample_episode(FIRST_SEED + i) for i in range(given.episodes)]
         if name not in results:
-            results[name] = measure(config, episodes)
+            results[name] = measure(config, episodes, given.laws)
             save()
         row = results[name]
         if given.policy is not None:

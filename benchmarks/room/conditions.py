@@ -39,6 +39,7 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "slalom": {"task": "slalom"},
     "slalom_tight": {"task": _TIGHT},
     "slalom_tighter": {"task": _TIGHTER},
+    "slalom_tighter_any": {"task": _TIGHTER, "terrain": "any"},
     "slalom_tighter_weak_left_side": {"task": _TIGHTER, "body": _WEAK_LEFT},
     "slalom_tighter_adhesion_30": {"task": _TIGHTER, "randomisation": _LITTLE_ADHESION},
     "slalom_tighter_unfiltered": {"task": {**_TIGHTER, "drive_time_constant": 0.0}},

@@ -15,9 +15,8 @@ GENTLE: Final = {"gain": 1.0, "forward": 0.6, "weakest": 0.2, "strongest": 0.9}
 """Slow enough to hold on to a steep slope: at 60° 12 of 64 flies reach their target, and with the
 literature's turn none of 20."""
 
-STAGES: Final = ((24, 8), (8, 16), (3, 32))
-"""Settings that are still in, and episodes that each walks: 416 in all, of up to 150 decisions
-(successive halving)."""
+LAWS: Final = 24
+"""That are tuned, where nothing else is asked for: over 416 episodes of up to 150 decisions."""
 
 Settings = Mapping[str, float]
 """Of the law, by name."""
@@ -37,18 +36,24 @@ def _is_commanded(task: Task) -> bool:
     return "command" in task.slices()
 
 
-def published(task: Task) -> tuple[Settings, ...]:
-    """The literature's turn, the quick, the gentle, and, where the time left is shown, `unhurried`.
+def known(task: Task) -> dict[str, Settings]:
+    """Laws that tuning begins with, by name: the published one first, then flyrl's usual one.
 
-    Where the fly is to stop, all brake. Of a command: answered without a correction, and with the
-    usual one.
+    Of a pursuit the literature's turn, the quick, the gentle, and, where the time left is shown,
+    `unhurried`; where the fly is to stop, all brake. Of a command: answered without a correction,
+    and with the usual one.
     """
     if _is_commanded(task):
-        return {"speed_gain": 0.0, "yaw_gain": 0.0}, {}
+        return {"published": {"speed_gain": 0.0, "yaw_gain": 0.0}, "usual": {}}
     brake = {"brake": pursuit_brake(task)}
-    unhurried = {"reserve": UnhurriedPursuit.reserve, **brake}
-    more = (unhurried,) if FIXED["unhurried"].goes_with(task) else ()
-    return brake, {**QUICK_PURSUIT, **brake}, {**GENTLE, **brake}, *more
+    laws: dict[str, Settings] = {
+        "published": brake,
+        "usual": {**QUICK_PURSUIT, **brake},
+        "gentle": {**GENTLE, **brake},
+    }
+    if FIXED["unhurried"].goes_with(task):
+        laws["unhurried"] = {"reserve": UnhurriedPursuit.reserve, **brake}
+    return laws
 
 
 def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
@@ -91,12 +96,24 @@ def score(records: list[EpisodeRecord]) -> float:
     return float(np.mean(worth))
 
 
-def tuned(env: BatchedEnv, seed: int = 0) -> Settings:
-    """Best settings on training episodes, whose seeds are below 2**31."""
+def stages(laws: int) -> list[tuple[int, int]]:
+    """Laws that are still in, and episodes that each walks: successive halving, here by thirds.
+
+    Jamieson and Talwalkar 2016, arXiv:1502.07943.
+    """
+    found, episodes = [], 8
+    while laws > 1:
+        found.append((laws, episodes))
+        laws, episodes = round(laws / 3), 2 * episodes
+    return found
+
+
+def tuned(env: BatchedEnv, laws: int = LAWS, seed: int = 0) -> Settings:
+    """Best of some laws, known and drawn, on training episodes, whose seeds are below 2**31."""
     rng = np.random.default_rng(seed)
-    left = list(published(env.task))
-    left += [draw_settings(rng, env.task) for _ in range(STAGES[0][0] - len(left))]
-    for count, episodes in STAGES:
+    left = list(known(env.task).values())
+    left += [draw_settings(rng, env.task) for _ in range(laws - len(left))]
+    for count, episodes in stages(laws):
         drawn = [
             env.config.sample_episode(int(each)) for each in rng.integers(2**31, size=episodes)
         ]
