@@ -33,8 +33,8 @@ OF_THE_FLY = ("terrain", "controller", "physics", "body", "policy", "seed")
         ("--controller joints", "controller must be one that takes a drive, got 'joints'"),
         ("--policy no-such", "policy must be a file, a run folder or one of pursuit, target-any"),
         (
-            "--policy velocity-any",
-            "got 'velocity-any': the policy was trained on observations that target does not",
+            "--policy velocity-flat",
+            "got 'velocity-flat': the policy was trained on observations that target does not",
         ),
     ],
 )

@@ -288,7 +288,7 @@ def test_what_is_not_allowed_is_told_and_changes_nothing(fly):
         ("controller", "tests.controllers.own:Height", "must be one that takes a drive, got .*He"),
         ("physics", "worm", "physics must be one of 'reference', 'balanced', 'fast'"),
         ("terrain", "sand", "terrain must be one of 'flat'.* got 'sand'"),
-        ("steering", "velocity-any", "steering must be one of 'by hand'.*'velocity-any'"),
+        ("steering", "velocity-flat", "steering must be one of 'by hand'.*'velocity-flat'"),
         ("drive_left", 1.6, "drive_left must lie within -0.5 and 1.5, got 1.6"),
         ("adhesion", "no", "adhesion must be True or False, got 'no'"),
     ):
