@@ -20,7 +20,7 @@ from benchmarks.fidelity.comparison import interval_text
 from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
 from benchmarks.room.figure import LEAST_ROOM, better_law, draw, rate, room, verdict
-from benchmarks.room.law import LAWS, Settings, known, law, tuned
+from benchmarks.room.law import NUM_LAWS, Settings, known, law, tuned
 from benchmarks.room.planner import Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import FIRST_SEED
@@ -36,10 +36,10 @@ ROBUST: Final = PlannerConfig(tries=4, noise=0.1, foresees=False)
 OUTPUT: Final = Path(__file__).parent / "room.json"
 
 
-def measure(config: EnvConfig, episodes: list[Episode], laws: int = LAWS) -> dict[str, Any]:
+def measure(config: EnvConfig, episodes: list[Episode], num_laws: int = NUM_LAWS) -> dict[str, Any]:
     """Successes and times of the laws, and the bound, of one condition.
 
-    A published law that never fails is not tuned. Where it does, the best of `laws` walks, and
+    A published law that never fails is not tuned. Where it does, the best of `num_laws` walks, and
     flyrl's own with its usual settings: tuning may miss it by chance. The bound of an episode is
     the best of the laws and a planner that knows the future, which is only asked where they fail.
     """
@@ -49,7 +49,7 @@ def measure(config: EnvConfig, episodes: list[Episode], laws: int = LAWS) -> dic
     walked = {"published": run_episodes(env, law(env.task, settings), episodes)}
     if not all(record.success for record in walked["published"]):
         walked["usual"] = run_episodes(env, law(env.task, by_name["usual"]), episodes)
-        settings = tuned(env, laws)
+        settings = tuned(env, num_laws)
     best = law(env.task, settings)
     walked["tuned"] = run_episodes(env, best, episodes)
     bound = [max(pair, key=_worth) for pair in zip(*walked.values(), strict=True)]
@@ -58,7 +58,7 @@ def measure(config: EnvConfig, episodes: list[Episode], laws: int = LAWS) -> dic
     for i, record in zip(failed, planned, strict=True):
         bound[i] = max(bound[i], record, key=_worth)
     rows = {name: _row(records) for name, records in {**walked, "bound": bound}.items()}
-    return {"law": dict(settings), "laws": laws, "horizon_s": bound[0].horizon_s, **rows}
+    return {"law": dict(settings), "laws": num_laws, "horizon_s": bound[0].horizon_s, **rows}
 
 
 def without_luck(config: EnvConfig, settings: Settings, episodes: list[Episode]) -> dict[str, Any]:
@@ -149,7 +149,7 @@ def main() -> None:
         "conditions", nargs="*", choices=(*CONDITIONS, "all"), default="all", metavar="CONDITION"
     )
     parser.add_argument("--episodes", type=int, default=20, help="held-out ones per condition")
-    parser.add_argument("--laws", type=int, default=LAWS, help="that are tuned")
+    parser.add_argument("--laws", type=int, default=NUM_LAWS, help="that are tuned")
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--show", action="store_true", help="only print what is in --output")
     parser.add_argument("--figure", type=Path, help="draw what is in --output, SVG or PNG")

@@ -15,8 +15,8 @@ GENTLE: Final = {"gain": 1.0, "forward": 0.6, "weakest": 0.2, "strongest": 0.9}
 """Slow enough to hold on to a steep slope: at 60° 12 of 64 flies reach their target, and with the
 literature's turn none of 20."""
 
-LAWS: Final = 24
-"""That are tuned, where nothing else is asked for: over 416 episodes of up to 150 decisions."""
+NUM_LAWS: Final = 24
+"""Laws that are tuned, where nothing else is asked for: over 416 episodes of up to 150 decisions."""
 
 Settings = Mapping[str, float]
 """Of the law, by name."""
@@ -96,24 +96,24 @@ def score(records: list[EpisodeRecord]) -> float:
     return float(np.mean(worth))
 
 
-def stages(laws: int) -> list[tuple[int, int]]:
+def stages(num_laws: int) -> list[tuple[int, int]]:
     """Laws that are still in, and episodes that each walks: successive halving, here by thirds.
 
     Jamieson and Talwalkar 2016, arXiv:1502.07943.
     """
     found, episodes = [], 8
-    while laws > 1:
-        found.append((laws, episodes))
-        laws, episodes = round(laws / 3), 2 * episodes
+    while num_laws > 1:
+        found.append((num_laws, episodes))
+        num_laws, episodes = round(num_laws / 3), 2 * episodes
     return found
 
 
-def tuned(env: BatchedEnv, laws: int = LAWS, seed: int = 0) -> Settings:
+def tuned(env: BatchedEnv, num_laws: int = NUM_LAWS, seed: int = 0) -> Settings:
     """Best of some laws, known and drawn, on training episodes, whose seeds are below 2**31."""
     rng = np.random.default_rng(seed)
     left = list(known(env.task).values())
-    left += [draw_settings(rng, env.task) for _ in range(laws - len(left))]
-    for count, episodes in stages(laws):
+    left += [draw_settings(rng, env.task) for _ in range(num_laws - len(left))]
+    for count, episodes in stages(num_laws):
         drawn = [
             env.config.sample_episode(int(each)) for each in rng.integers(2**31, size=episodes)
         ]

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.room.__main__ import table
 from benchmarks.room.figure import verdict
-from benchmarks.room.law import LAWS, score, stages
+from benchmarks.room.law import NUM_LAWS, score, stages
 from benchmarks.room.planner import Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import ConstantDrive
@@ -68,7 +68,7 @@ def test_a_law_is_better_by_its_successes_and_then_by_its_time():
 
 
 def test_a_third_of_the_laws_walks_on_for_twice_as_many_episodes():
-    assert stages(LAWS) == [(24, 8), (8, 16), (3, 32)]
+    assert stages(NUM_LAWS) == [(24, 8), (8, 16), (3, 32)]
     assert sum(count * episodes for count, episodes in stages(192)) == 3936
 
 
