@@ -16,7 +16,7 @@ GENTLE: Final = {"gain": 1.0, "forward": 0.6, "weakest": 0.2, "strongest": 0.9}
 literature's turn none of 20."""
 
 NUM_LAWS: Final = 24
-"""Laws that are tuned, where nothing else is asked for: over 416 episodes of up to 150 decisions."""
+"""Laws that are tuned, unless asked otherwise: over 416 episodes of up to 150 decisions."""
 
 Settings = Mapping[str, float]
 """Of the law, by name."""
