@@ -109,7 +109,7 @@ class EnvConfig:
                 f"randomisation of a {kind.creature} must be of sensor_noise alone, got "
                 f"{drawn_from}"
             )
-        terrain = terrain_from(self.terrain)
+        terrain = terrain_from(self.terrain).sized(task.extent_mm)
         presets = {name: PHYSICS_PRESETS[name] for name in kind.presets}
         physics = kind.usual_physics if self.physics is None else self.physics
         physics = _named("physics", physics, presets)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flyrl.controllers.cpg import cpg_step, motor_neuron_activity
 from flyrl.policies.networks import vectors
-from flyrl.tasks import ACHIEVED_GOAL, DESIRED_GOAL, Drives, Neurons, Task
+from flyrl.tasks import ACHIEVED_GOAL, DESIRED_GOAL, WALKING_SPEED, Drives, Neurons, Task
 from flyrl.validation import FloatArray
 
 Starts = NDArray[np.bool_]
@@ -22,9 +22,6 @@ Law = Callable[[float, Mapping[str, FloatArray]], Any]
 
 _STEP_S: Final = 1e-3
 """s; at most as long does an oscillator advance at a time."""
-
-SPEED: Final = 13.0
-"""mm/s that a drive of 1 on both sides brings about on flat ground."""
 
 YAW_RATE: Final = 6.4
 """rad/s that a drive of 1 more on the right and 1 less on the left would bring about there."""
@@ -194,7 +191,7 @@ class OpenLoop(_DrivePolicy):
 
     task: Task
     _: KW_ONLY
-    speed: float = SPEED
+    speed: float = WALKING_SPEED
     yaw_rate: float = YAW_RATE
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:

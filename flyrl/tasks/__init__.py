@@ -13,7 +13,7 @@ from flyrl.tasks import (
     worm,
 )
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives, JointTargets, Neurons
-from flyrl.tasks.episode import Episode
+from flyrl.tasks.episode import WALKING_SPEED, Episode
 from flyrl.tasks.extension import (
     code_digests,
     code_of,
@@ -79,6 +79,7 @@ __all__ = [
     "TASKS",
     "TIMEOUT",
     "UNSTABLE",
+    "WALKING_SPEED",
     "Drives",
     "Episode",
     "EpisodeSampler",

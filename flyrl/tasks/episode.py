@@ -36,6 +36,9 @@ MOST_DRAWS: Final = 10_000
 EDGE_MARGIN: Final = 1.5
 """mm; no target or path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
 
+WALKING_SPEED: Final = 13.0
+"""mm/s that a drive of 1 on both sides brings about on flat ground."""
+
 TIME: Final = Within(1e-4, 3600)
 """s; a time in a task lies within this."""
 

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import TIME, Episode
+from flyrl.tasks.episode import TIME, WALKING_SPEED, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import direction_term, steering
@@ -92,6 +92,7 @@ def heading(
             terms.lost_time(-1.0),
         ),
         time_limit_s=time_limit,
+        extent_mm=WALKING_SPEED * time_limit,
         sample_episode=partial(sample_episode, turn=turn, push=push, push_times=push_times),
         difficulty=f"turn, from 0 to ±{turn:g}°, and pushes, from none to "
         f"{weakest:g}-{strongest:g} µN",

@@ -289,12 +289,13 @@ class Task:
     errors
         Errors that an evaluation measures besides success and return.
     decisive
-        Metrics of an evaluation that decide who is best: the first one, and among those that are
-        equal in it the next.
+        Metrics of an evaluation that decide who is best, each among those equal in the one before.
     compared
         Metrics that an evaluation compares by, besides success, the decisive ones and the return.
     success
         Definition of a success, in words; empty where there is none.
+    extent_mm
+        How far an episode may lead from its start, where a terrain may be too small for it.
     props
         Objects on the ground; `sample_episode` places them.
     name
@@ -304,8 +305,7 @@ class Task:
     worm
         Worm that it is built for; None for a fly. The task function sets it.
     added
-        Terms that were added to the table (see `extended`), by where they come from:
-        `module:attribute`.
+        Terms added to the table (see `extended`), by where they come from: `module:attribute`.
     removed
         Rows of the task function's table that were taken out, as `table.name`.
     """
@@ -327,6 +327,7 @@ class Task:
     decisive: tuple[str, ...] = ("success", "time_to_goal_s")
     compared: tuple[str, ...] = ("time_to_goal_s", "speed_mm_s")
     success: str = ""
+    extent_mm: float | None = None
     props: tuple[Prop, ...] = ()
     name: str = "task"
     parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)

@@ -136,6 +136,7 @@ def velocity(
             ),
         ),
         time_limit_s=time_limit,
+        extent_mm=max(map(abs, speed)) * time_limit,
         sample_episode=partial(
             sample_episode, speed=speed, yaw_rate=yaw_rate,
             commands=math.ceil(time_limit / command_time - 1e-9), command_time=command_time,

@@ -20,11 +20,15 @@ from flyrl.terrains.rough import (
     Gapped,
     Mixed,
 )
-from flyrl.terrains.smooth import Flat, Hills, Slope
+from flyrl.terrains.smooth import HILLS_EDGE, Flat, Hills, Slope
 from flyrl.terrains.terrain import Bounds, Boxes, Ground, Heights, Terrain, joined, off_origin
 from flyrl.validation import Within, distinct, ordered
 
 Kind = Literal["flat", "gapped", "blocks", "mixed", "hills", "slope"]
+
+USUAL_X_RANGE: Final = (-20.0, 23.0)
+USUAL_HALF_WIDTH: Final = 20.0
+"""mm; enough for targets of 15 mm in any direction."""
 
 _STREAM: Final = 260_511
 """Sets the generator of the kind apart from that of its heights and gaps, of the same seed."""
@@ -44,8 +48,8 @@ class AnyGround(Terrain):
     gap_range : of `gapped` and `mixed`, mm.
     angle_range_deg : of `slope`, which rises in any direction.
     x_range : where the rough kinds have ground at least, mm; blocks take a box per 2 mm², and 1000
-        boxes some 15 % more time. Hills end 50 mm from the origin.
-    half_width : of the rough kinds, to both sides, mm.
+        boxes some 15 % more time. None: as far as the task leads (see `sized`), or -20 to 23 mm.
+    half_width : of the rough kinds, to both sides, mm; None: as far as the task leads, or 20.
     """
 
     random: bool = True
@@ -53,8 +57,8 @@ class AnyGround(Terrain):
     height_range: Annotated[tuple[float, float], Within(0, MAX_HEIGHT)] = RANDOM_HEIGHTS
     gap_range: Annotated[tuple[float, float], Within(0, MAX_GAP)] = RANDOM_GAPS
     angle_range_deg: Annotated[tuple[float, float], Within(0, 180)] = (0.0, 30.0)
-    x_range: Annotated[tuple[float, float], Within(-1000, 1000)] = (-20.0, 23.0)
-    half_width: Annotated[float, Within(5, 1000)] = 20.0
+    x_range: Annotated[tuple[float, float] | None, Within(-1000, 1000)] = None
+    half_width: Annotated[float | None, Within(5, 1000)] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -66,8 +70,22 @@ class AnyGround(Terrain):
         if not self.kinds:
             raise ValueError("terrain.kinds must name at least one, got none")
         distinct("terrain.kinds", self.kinds)
-        for key in ("height_range", "gap_range", "angle_range_deg", "x_range"):
+        for key in ("height_range", "gap_range", "angle_range_deg"):
             ordered(f"terrain.{key}", getattr(self, key))
+        if self.x_range is not None:
+            ordered("terrain.x_range", self.x_range)
+
+    def sized(self, extent_mm: float | None) -> AnyGround:
+        """As large as a task needs, up to where the hills end; see `Terrain.sized`."""
+        x_range, half_width = self._size
+        if extent_mm is not None and extent_mm > USUAL_HALF_WIDTH:
+            edge = min(extent_mm, HILLS_EDGE)
+            x_range, half_width = self.x_range or (-edge, edge), self.half_width or edge
+        return replace(self, x_range=x_range, half_width=half_width)
+
+    @property
+    def _size(self) -> tuple[tuple[float, float], float]:
+        return self.x_range or USUAL_X_RANGE, self.half_width or USUAL_HALF_WIDTH
 
     def kind(self, seed: int) -> Kind:
         """Kind of ground that goes with a ground's seed."""
@@ -78,7 +96,7 @@ class AnyGround(Terrain):
     def parts(self) -> dict[Kind, Terrain]:
         """Terrains that are drawn from."""
         heights, gaps = self.height_range, self.gap_range
-        x_range, half_width = self.x_range, self.half_width
+        x_range, half_width = self._size
         segments = self._segments_behind + math.ceil((x_range[1] - MIXED_START) / MIXED_SEGMENT)
         every: dict[Kind, Terrain] = {
             "flat": Flat(),
@@ -97,7 +115,8 @@ class AnyGround(Terrain):
     @property
     def _segments_behind(self) -> int:
         """Segments of mixed ground behind where it starts on its own."""
-        return max(0, math.ceil((MIXED_START - self.x_range[0]) / MIXED_SEGMENT))
+        start, _ = self._size[0]
+        return max(0, math.ceil((MIXED_START - start) / MIXED_SEGMENT))
 
     def _offset(self, kind: Kind) -> tuple[float, float, float]:
         """From where a kind's own terrain lies to where it lies here, mm."""

@@ -52,11 +52,14 @@ class Slope(Terrain):
 HALF_WIDTH: Final = 75.0
 """mm, of the field."""
 
+HILLS_EDGE: Final = 50.0
+"""mm; so far from the start there are hills, whichever part of the field is walked on."""
+
 LEVEL: Final = 5.0
 """mm; no ground within this distance of the start is above 0."""
 
 _CELLS_PER_WIDTH: Final = 4
-_FURTHEST_SHIFT: Final = 25.0
+_FURTHEST_SHIFT: Final = HALF_WIDTH - HILLS_EDGE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +81,7 @@ class Hills(Terrain):
     @property
     def bounds(self) -> Bounds:
         """Where there is ground to walk on."""
-        edge = HALF_WIDTH - _FURTHEST_SHIFT
+        edge = HILLS_EDGE
         return Bounds(-edge, edge, -edge, edge, z_min=-self.height - 5.0)
 
     floor = None

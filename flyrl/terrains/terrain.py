@@ -184,6 +184,13 @@ class Terrain:
         """Where there is ground to walk on."""
         return Bounds(-100.0, 100.0, -100.0, 100.0)
 
+    def sized(self, extent_mm: float | None) -> Terrain:
+        """As large as a task needs that leads so far from its start; None: as large as usual.
+
+        A terrain whose size is set, or always the same, stays as it is.
+        """
+        return self
+
     @property
     def spawn(self) -> Bounds:
         """Where episodes start: x and y are drawn uniformly from it."""

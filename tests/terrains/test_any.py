@@ -94,6 +94,33 @@ def test_targets_lie_all_around_on_every_kind():
         assert (boxes.centres + boxes.half_sizes)[:, 0].max() >= 23 - 1.3, kind
 
 
+@pytest.mark.parametrize(
+    ("settings", "extent_mm", "size"),
+    [
+        ({}, None, ((-20, 23), 20)),
+        ({}, 15.0, ((-20, 23), 20)),
+        ({}, 30.0, ((-30, 30), 30)),
+        # where the hills end
+        ({}, 80.0, ((-50, 50), 50)),
+        ({"x_range": (-8, 9)}, 30.0, ((-8, 9), 30)),
+        ({"half_width": 70.0}, 30.0, ((-30, 30), 70)),
+    ],
+)
+def test_it_is_as_large_as_the_task_leads_where_nothing_else_is_set(settings, extent_mm, size):
+    terrain = AnyGround(**settings).sized(extent_mm)
+    assert (terrain.x_range, terrain.half_width) == size
+
+
+def test_a_fly_cannot_walk_out_of_it_within_the_time_of_heading():
+    bounds = EnvConfig({"name": "heading", "time_limit": 3.0}, terrain="any").scene.terrain.bounds
+    assert (bounds.x_min, bounds.x_max, bounds.y_min, bounds.y_max) == (-39, 39, -39, 39)
+
+
+def test_the_fastest_command_of_velocity_does_not_lead_out_of_it():
+    env = EnvConfig({"name": "velocity", "speed": (-10, 4), "time_limit": 3.0}, terrain="any")
+    assert env.scene.terrain.bounds.x_max == 30
+
+
 @pytest.mark.parametrize(("kind", "bare"), [("flat", 0.0), ("gapped", 0.2), ("hills", 0.0)])
 def test_the_map_shows_the_ground_that_was_drawn(kind, bare):
     picture = ground_picture(ANY, ANY.draw(seeds_of(kind, 1)[0] + 2**32), HALF)
