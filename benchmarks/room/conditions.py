@@ -36,6 +36,7 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "unfiltered": {"task": "target_unfiltered"},
     "unfiltered_mixed": {"task": "target_unfiltered", "terrain": _ROUGH},
     "pushes": {"task": "heading"},
+    "pushes_any": {"task": "heading", "terrain": "any"},
     "slalom": {"task": "slalom"},
     "slalom_tight": {"task": _TIGHT},
     "slalom_tighter": {"task": _TIGHTER},
