@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import shutil
 import sys
 from dataclasses import replace
@@ -11,9 +12,11 @@ import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
+from flyrl.cli.arguments import composed
+from flyrl.cli.config import evaluation_config, evaluation_settings
 from flyrl.envs.config import env_record
 from flyrl.envs.core import EnvConfig
-from flyrl.policies import load_bundle
+from flyrl.policies import load_bundle, named_policies
 from flyrl.policies.bundle import policies_folder
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.training.learn import train
@@ -75,6 +78,30 @@ def test_a_policy_that_is_too_large_or_of_uncommitted_code_or_no_run_is_refused(
 
 def test_cards_that_come_with_flyrl_are_those_of_their_files():
     assert check() == 0
+
+
+def in_common(record, other):
+    """Keys and values of the first, as far as the second has the keys, at any depth."""
+    return {
+        key: in_common(value, other[key]) if isinstance(other[key], dict) and value else value
+        for key, value in record.items()
+        if key in other
+    }
+
+
+@pytest.mark.parametrize("name", [*named_policies()])
+def test_the_command_on_a_card_evaluates_in_the_setting_of_training(name):
+    bundle = load_bundle(name)
+    card = model_card(name, bundle)
+    (command,) = re.findall("^`(python evaluate.py .*)`$", card, re.MULTILINE)
+    typed = composed("evaluate", shlex.split(command)[2:])
+    config = evaluation_config(typed, evaluation_settings(typed), command)
+    assert config.policies == (name,)
+    assert config.episodes == bundle.training["held_out"]["episodes"]
+    evaluated = env_record(config.env(config.terrains[0]))
+    for group in ("task", "body", "terrain", "randomisation"):
+        trained = bundle.env[group]
+        assert in_common(evaluated[group], trained) == in_common(trained, evaluated[group]), group
 
 
 # ------------------------------------------------------------------ cards

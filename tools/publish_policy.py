@@ -25,18 +25,23 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from flyrl.cli.config import training_config  # noqa: E402
-from flyrl.envs.config import randomisation_text  # noqa: E402
+from flyrl.envs.config import BODIES, EnvConfig, env_record, randomisation_text  # noqa: E402
 from flyrl.evaluation import EvaluationConfig, evaluate  # noqa: E402
 from flyrl.evaluation.metrics import compared_metrics  # noqa: E402
 from flyrl.files import write_bytes, write_text  # noqa: E402
 from flyrl.policies import PolicyBundle, load_bundle, named_policies, save_bundle  # noqa: E402
 from flyrl.policies.bundle import SUFFIX, policies_folder, policy_file  # noqa: E402
 from flyrl.simulation.physics import preset_version  # noqa: E402
-from flyrl.terrains import terrain_label  # noqa: E402
+from flyrl.tasks import TASKS  # noqa: E402
+from flyrl.terrains import TERRAINS, terrain_label  # noqa: E402
 from flyrl.text import printable  # noqa: E402
 from flyrl.training.runs import read_record  # noqa: E402
+from flyrl.validation import plain  # noqa: E402
 
 LARGEST_BYTES: Final = 200_000
+
+_SINCE: Final = ("drive_time_constant",)
+"""Settings of a task without which there are older records; they were 0, as were weights."""
 
 _LIMITS: Final = """\
 - It was trained and judged in the setting above and in no other. On other terrain, with another
@@ -184,7 +189,7 @@ Moves the body in the task {_cell(env["task"]["name"])} on {_cell(terrain)} terr
 
 ## Held-out episodes
 
-{_figures(training["held_out"])}
+{_figures(training["held_out"], _evaluation(name, env, terrain))}
 
 ## Observation and action
 
@@ -228,6 +233,43 @@ def _setting(env: Mapping[str, Any], terrain: str) -> list[tuple[str, Any]]:
     ]
 
 
+def _evaluation(name: str, env: Mapping[str, Any], terrain: str) -> list[str]:
+    """Words of the command that compares the policy in its own setting."""
+    task = env["task"]["name"]
+    words = ["python", "evaluate.py", f"policies=[{name}]", f"task={task}"]
+    if task not in TASKS or terrain not in TERRAINS:
+        return [*words, f"terrains=[{terrain}]"]
+    usual = env_record(EnvConfig(task, terrain=terrain))
+    words += _changed("task", {**dict.fromkeys(_SINCE, 0.0), **env["task"]}, usual["task"])
+    if _changed("body", env["body"], usual["body"]):
+        each = {body: _changed("body", env["body"], plain(BODIES[body])) for body in BODIES}
+        nearest = min(each, key=lambda body: len(" ".join(each[body])))
+        words += [f"body={nearest}", *each[nearest]]
+    preset, usual_preset = (preset_version(each["physics"]) for each in (env, usual))
+    if preset and usual_preset and preset.name != usual_preset.name:
+        words.append(f"physics={preset.name}")
+    words += _changed("randomisation", env["randomisation"], usual["randomisation"])
+    own, ground = env["terrain"], usual["terrain"]
+    ground = {key: own[key] for key in own if key in ground and own[key] != ground[key]}
+    return [*words, f"terrains=[{_typed({'name': terrain, **ground} if ground else terrain)}]"]
+
+
+def _changed(group: str, given: Mapping[str, Any], usual: Mapping[str, Any]) -> list[str]:
+    """Settings that are not the usual ones, as one would type them."""
+    words = []
+    for key, value in given.items():
+        if isinstance(value, Mapping) and isinstance(usual.get(key), Mapping):
+            later = dict.fromkeys(usual[key], 0.0) if key == "weights" else {}
+            words += _changed(f"{group}.{key}", {**later, **value}, usual[key])
+        elif key in usual and value != usual[key]:
+            words.append(f"{group}.{key}={_typed(value)}")
+    return words
+
+
+def _typed(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":")).replace('"', "")
+
+
 def _making(bundle: PolicyBundle) -> list[tuple[str, Any]]:
     training, provenance = bundle.training, bundle.training["provenance"]
     packages = {"python": provenance["python"], **provenance["packages"]}
@@ -246,7 +288,7 @@ def _making(bundle: PolicyBundle) -> list[tuple[str, Any]]:
     ]
 
 
-def _figures(held_out: Mapping[str, Any]) -> str:
+def _figures(held_out: Mapping[str, Any], command: list[str]) -> str:
     metrics = held_out["compared"][1:]
     rows = []
     for result in held_out["results"]:
@@ -260,10 +302,10 @@ def _figures(held_out: Mapping[str, Any]) -> str:
             )
         )
     header = ("who", "success", "95 % interval", *(f"median {metric}" for metric in metrics))
-    asked = _cell(f"`episodes={held_out['episodes']} seed={held_out['seed']}`")
+    command += [f"episodes={held_out['episodes']}", f"seed={held_out['seed']}"]
     return (
         f"The same {_cell(held_out['episodes'])} episodes for everybody, none of them trained or "
-        f"chosen on ({asked}):\n\n{_table(header, rows)}"
+        f"chosen on:\n\n{_cell(f'`{shlex.join(command)}`')}\n\n{_table(header, rows)}"
     )
 
 
