@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
+from flyrl.bodies.fly import FLIES
 from flyrl.cli.arguments import composed
 from flyrl.cli.config import evaluation_config, evaluation_settings
 from flyrl.envs.config import env_record
@@ -120,6 +121,19 @@ def test_physics_of_one_s_own_and_what_was_randomised_are_written_out(shipped):
     assert (
         "| randomisation | friction=[0.5, 1.5], sensor_noise=0.1, missing_leg=[LF, RM] |" in lines
     )
+
+
+@pytest.mark.parametrize(
+    ("body", "typed"),
+    [
+        (replace(FLIES["current"], missing_legs=("LF",)), "body=current 'body.missing_legs=[LF]'"),
+        (replace(FLIES["classic"], adhesion_gain=20.0), "body=classic body.adhesion_gain=20.0"),
+        (FLIES["fly_muscles"], "body=fly_muscles"),
+    ],
+)
+def test_a_body_is_typed_as_what_differs_from_the_nearest_one(shipped, body, typed):
+    card = model_card("mine", replace(shipped, env=env_record(EnvConfig(body=body))))
+    assert f"task=target {typed} 'terrains=[flat]'" in card
 
 
 def elements(shipped, text):

@@ -242,9 +242,10 @@ def _evaluation(name: str, env: Mapping[str, Any], terrain: str) -> list[str]:
     usual = env_record(EnvConfig(task, terrain=terrain))
     words += _changed("task", {**dict.fromkeys(_SINCE, 0.0), **env["task"]}, usual["task"])
     if _changed("body", env["body"], usual["body"]):
-        each = {body: _changed("body", env["body"], plain(BODIES[body])) for body in BODIES}
-        nearest = min(each, key=lambda body: len(" ".join(each[body])))
-        words += [f"body={nearest}", *each[nearest]]
+        each = {body: plain(config) for body, config in BODIES.items()}
+        alike = [body for body in each if each[body].keys() == usual["body"].keys()]
+        typed = [[f"body={body}", *_changed("body", env["body"], each[body])] for body in alike]
+        words += min(typed, key=lambda given: len(" ".join(given)))
     preset, usual_preset = (preset_version(each["physics"]) for each in (env, usual))
     if preset and usual_preset and preset.name != usual_preset.name:
         words.append(f"physics={preset.name}")

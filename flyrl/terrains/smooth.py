@@ -81,8 +81,8 @@ class Hills(Terrain):
     @property
     def bounds(self) -> Bounds:
         """Where there is ground to walk on."""
-        edge = HILLS_EDGE
-        return Bounds(-edge, edge, -edge, edge, z_min=-self.height - 5.0)
+        z_min = -self.height - 5.0
+        return Bounds(-HILLS_EDGE, HILLS_EDGE, -HILLS_EDGE, HILLS_EDGE, z_min)
 
     floor = None
 
