@@ -40,9 +40,6 @@ from flyrl.validation import plain  # noqa: E402
 
 LARGEST_BYTES: Final = 200_000
 
-_SINCE: Final = ("drive_time_constant",)
-"""Settings of a task without which there are older records; they were 0, as were weights."""
-
 _LIMITS: Final = """\
 - It was trained and judged in the setting above and in no other. On other terrain, with another
   body, leg controller or physics, it may fail.
@@ -240,7 +237,8 @@ def _evaluation(name: str, env: Mapping[str, Any], terrain: str) -> list[str]:
     if task not in TASKS or terrain not in TERRAINS:
         return [*words, f"terrains=[{terrain}]"]
     usual = env_record(EnvConfig(task, terrain=terrain))
-    words += _changed("task", {**dict.fromkeys(_SINCE, 0.0), **env["task"]}, usual["task"])
+    # records from before drives were smooth do not have it
+    words += _changed("task", {"drive_time_constant": 0.0, **env["task"]}, usual["task"])
     if _changed("body", env["body"], usual["body"]):
         each = {body: plain(config) for body, config in BODIES.items()}
         alike = [body for body in each if each[body].keys() == usual["body"].keys()]
@@ -250,18 +248,23 @@ def _evaluation(name: str, env: Mapping[str, Any], terrain: str) -> list[str]:
     if preset and usual_preset and preset.name != usual_preset.name:
         words.append(f"physics={preset.name}")
     words += _changed("randomisation", env["randomisation"], usual["randomisation"])
-    own, ground = env["terrain"], usual["terrain"]
-    ground = {key: own[key] for key in own if key in ground and own[key] != ground[key]}
+    usual_ground = usual["terrain"]
+    ground = {
+        key: value
+        for key, value in env["terrain"].items()
+        if key in usual_ground and value != usual_ground[key]
+    }
     return [*words, f"terrains=[{_typed({'name': terrain, **ground} if ground else terrain)}]"]
 
 
 def _changed(group: str, given: Mapping[str, Any], usual: Mapping[str, Any]) -> list[str]:
-    """Settings that are not the usual ones, as one would type them."""
+    """Overrides of the settings that are not the usual ones."""
     words = []
     for key, value in given.items():
         if isinstance(value, Mapping) and isinstance(usual.get(key), Mapping):
-            later = dict.fromkeys(usual[key], 0.0) if key == "weights" else {}
-            words += _changed(f"{group}.{key}", {**later, **value}, usual[key])
+            # terms that an older record does not name were not in the reward
+            missing = dict.fromkeys(usual[key], 0.0) if key == "weights" else {}
+            words += _changed(f"{group}.{key}", {**missing, **value}, usual[key])
         elif key in usual and value != usual[key]:
             words.append(f"{group}.{key}={_typed(value)}")
     return words
@@ -289,7 +292,7 @@ def _making(bundle: PolicyBundle) -> list[tuple[str, Any]]:
     ]
 
 
-def _figures(held_out: Mapping[str, Any], command: list[str]) -> str:
+def _figures(held_out: Mapping[str, Any], command: Sequence[str]) -> str:
     metrics = held_out["compared"][1:]
     rows = []
     for result in held_out["results"]:
@@ -303,10 +306,11 @@ def _figures(held_out: Mapping[str, Any], command: list[str]) -> str:
             )
         )
     header = ("who", "success", "95 % interval", *(f"median {metric}" for metric in metrics))
-    command += [f"episodes={held_out['episodes']}", f"seed={held_out['seed']}"]
+    drawn = (f"episodes={held_out['episodes']}", f"seed={held_out['seed']}")
+    typed = _cell(f"`{shlex.join((*command, *drawn))}`")
     return (
         f"The same {_cell(held_out['episodes'])} episodes for everybody, none of them trained or "
-        f"chosen on:\n\n{_cell(f'`{shlex.join(command)}`')}\n\n{_table(header, rows)}"
+        f"chosen on:\n\n{typed}\n\n{_table(header, rows)}"
     )
 
 

@@ -295,7 +295,7 @@ class Task:
     success
         Definition of a success, in words; empty where there is none.
     extent_mm
-        How far an episode may lead from its start, where a terrain may be too small for it.
+        Distance from the start, mm, that an episode may lead to; None: the usual ground will do.
     props
         Objects on the ground; `sample_episode` places them.
     name

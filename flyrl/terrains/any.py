@@ -28,7 +28,7 @@ Kind = Literal["flat", "gapped", "blocks", "mixed", "hills", "slope"]
 
 USUAL_X_RANGE: Final = (-20.0, 23.0)
 USUAL_HALF_WIDTH: Final = 20.0
-"""mm; enough for targets of 15 mm in any direction."""
+"""mm, as the range along x; enough for targets of 15 mm in any direction."""
 
 _STREAM: Final = 260_511
 """Sets the generator of the kind apart from that of its heights and gaps, of the same seed."""
@@ -76,7 +76,7 @@ class AnyGround(Terrain):
             ordered("terrain.x_range", self.x_range)
 
     def sized(self, extent_mm: float | None) -> AnyGround:
-        """As large as a task needs, up to where the hills end; see `Terrain.sized`."""
+        """Terrain as large as a task needs, up to where the hills end; see `Terrain.sized`."""
         x_range, half_width = self._size
         if extent_mm is not None and extent_mm > USUAL_HALF_WIDTH:
             edge = min(extent_mm, HILLS_EDGE)

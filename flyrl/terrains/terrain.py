@@ -185,7 +185,7 @@ class Terrain:
         return Bounds(-100.0, 100.0, -100.0, 100.0)
 
     def sized(self, extent_mm: float | None) -> Terrain:
-        """As large as a task needs that leads so far from its start; None: as large as usual.
+        """Terrain with ground as far from the start as a task needs; None: its usual size.
 
         A terrain whose size is set, or always the same, stays as it is.
         """
