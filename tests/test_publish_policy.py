@@ -61,6 +61,7 @@ def test_published_policy_is_the_best_of_the_run_and_says_where_it_comes_from(ru
     text = (published / "target-flat.md").read_text(encoding="utf-8")
     assert text == model_card("target-flat", bundle)
     assert "| commit | c0ffee |" in text
+    assert re.findall(r"^\| (\S+) \| \d\S*%", text, re.MULTILINE) == ["target-flat", *names[1:]]
 
 
 def test_a_policy_that_is_too_large_or_of_uncommitted_code_or_no_run_is_refused(run, tmp_path):

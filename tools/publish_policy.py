@@ -165,8 +165,8 @@ def model_card(name: str, bundle: PolicyBundle) -> str:
     bundle
         The policy, whose `training` has "algo", "seed", "decisions", "command", "provenance" (as in
         a run folder) and "held_out": "episodes", "seed", "compared" (the metrics that the task is
-        compared by, success first), and "results", one row per entrant with "controller",
-        "success_rate" and "metrics" as in an evaluation's summary.
+        compared by, success first), and "results", one row per entrant, the policy first, with
+        "controller", "success_rate" and "metrics" as in an evaluation's summary.
     """
     env, training = bundle.env, bundle.training
     terrain = terrain_label(env["terrain"]["name"], env["terrain"].get("random"))
@@ -186,7 +186,7 @@ Moves the body in the task {_cell(env["task"]["name"])} on {_cell(terrain)} terr
 
 ## Held-out episodes
 
-{_figures(training["held_out"], _evaluation(name, env, terrain))}
+{_figures(name, training["held_out"], _evaluation(name, env, terrain))}
 
 ## Observation and action
 
@@ -292,14 +292,14 @@ def _making(bundle: PolicyBundle) -> list[tuple[str, Any]]:
     ]
 
 
-def _figures(held_out: Mapping[str, Any], command: Sequence[str]) -> str:
+def _figures(name: str, held_out: Mapping[str, Any], command: Sequence[str]) -> str:
     metrics = held_out["compared"][1:]
     rows = []
-    for result in held_out["results"]:
+    for place, result in enumerate(held_out["results"]):
         rate = result["success_rate"]
         rows.append(
             (
-                result["controller"],
+                result["controller"] if place else name,
                 f"{rate['value']:.1%}",
                 f"{rate['low']:.1%} to {rate['high']:.1%}",
                 *(_rounded(result["metrics"][metric]["median"]) for metric in metrics),
