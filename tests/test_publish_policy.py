@@ -137,6 +137,17 @@ def test_a_body_is_typed_as_what_differs_from_the_nearest_one(shipped, body, typ
     assert f"task=target {typed} 'terrains=[flat]'" in card
 
 
+def test_a_card_says_which_settings_of_task_and_body_are_not_the_usual_ones(shipped):
+    body = replace(FLIES["current"], missing_legs=("LF",))
+    task = {"name": "stop", "reach": 0.5}
+    lines = model_card("mine", replace(shipped, env=env_record(EnvConfig(task, body=body))))
+    assert "| task | stop, reach=0.5 |" in lines.splitlines()
+    assert "| body | current, missing_legs=[LF] |" in lines.splitlines()
+    usual = model_card("mine", replace(shipped, env=env_record(EnvConfig("stop")))).splitlines()
+    assert "| task | stop |" in usual
+    assert "| body | current |" in usual
+
+
 def elements(shipped, text):
     """Tags of the card of a policy whose record holds this text everywhere, as a page."""
     held_out = {"episodes": text, "seed": text, "compared": ["success"], "results": []}

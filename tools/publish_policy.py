@@ -215,19 +215,26 @@ def _action(bundle: PolicyBundle) -> str:
 
 def _setting(env: Mapping[str, Any], terrain: str) -> list[tuple[str, Any]]:
     preset = preset_version(env["physics"])
-    if "segments" in env["body"]:
-        body = [("body", f"worm of {env['body']['segments']} segments")]
+    task, body = env["task"], env["body"]
+    if "segments" in body:
+        legs, usual_name = [], f"worm of {body['segments']} segments"
     else:
-        body = [("body", env["body"]["name"]), ("leg controller", env["controller"]["name"])]
+        legs, usual_name = [("leg controller", env["controller"]["name"])], body["name"]
     own = f"of its own: {env['physics']}"
     return [
-        ("task", env["task"]["name"]),
-        ("decision interval, s", env["task"]["decision_interval"]),
+        ("task", _without("task", [task["name"], *_task_words(env)])),
+        ("decision interval, s", task["decision_interval"]),
         ("terrain", terrain),
-        *body,
+        ("body", _without("body", _body_words(env)) or usual_name),
+        *legs,
         ("physics", f"{preset.name}, version {preset.version}" if preset else own),
         ("randomisation", randomisation_text(env["randomisation"])),
     ]
+
+
+def _without(group: str, words: Iterable[str]) -> str:
+    """Overrides without the name of their group."""
+    return ", ".join(re.sub(rf"^{group}[.=]", "", word) for word in words)
 
 
 def _evaluation(name: str, env: Mapping[str, Any], terrain: str) -> list[str]:
@@ -237,13 +244,7 @@ def _evaluation(name: str, env: Mapping[str, Any], terrain: str) -> list[str]:
     if task not in TASKS or terrain not in TERRAINS:
         return [*words, f"terrains=[{terrain}]"]
     usual = env_record(EnvConfig(task, terrain=terrain))
-    # records from before drives were smooth do not have it
-    words += _changed("task", {"drive_time_constant": 0.0, **env["task"]}, usual["task"])
-    if _changed("body", env["body"], usual["body"]):
-        each = {body: plain(config) for body, config in BODIES.items()}
-        alike = [body for body in each if each[body].keys() == usual["body"].keys()]
-        typed = [[f"body={body}", *_changed("body", env["body"], each[body])] for body in alike]
-        words += min(typed, key=lambda given: len(" ".join(given)))
+    words += _task_words(env) + _body_words(env)
     preset, usual_preset = (preset_version(each["physics"]) for each in (env, usual))
     if preset and usual_preset and preset.name != usual_preset.name:
         words.append(f"physics={preset.name}")
@@ -255,6 +256,27 @@ def _evaluation(name: str, env: Mapping[str, Any], terrain: str) -> list[str]:
         if key in usual_ground and value != usual_ground[key]
     }
     return [*words, f"terrains=[{_typed({'name': terrain, **ground} if ground else terrain)}]"]
+
+
+def _task_words(env: Mapping[str, Any]) -> list[str]:
+    """Overrides of the settings of the task that are not its usual ones."""
+    task = env["task"]
+    if task["name"] not in TASKS:
+        return []
+    usual = env_record(EnvConfig(task["name"]))["task"]
+    # records from before drives were smooth do not have it
+    return _changed("task", {"drive_time_constant": 0.0, **task}, usual)
+
+
+def _body_words(env: Mapping[str, Any]) -> list[str]:
+    """Overrides that make the body from the nearest one, unless it is the task's usual one."""
+    task, body = env["task"]["name"], env["body"]
+    if task not in TASKS or not _changed("body", body, env_record(EnvConfig(task))["body"]):
+        return []
+    each = {name: plain(config) for name, config in BODIES.items()}
+    alike = [name for name in each if each[name].keys() == body.keys()]
+    typed = [[f"body={name}", *_changed("body", body, each[name])] for name in alike]
+    return min(typed, key=lambda given: len(" ".join(given)))
 
 
 def _changed(group: str, given: Mapping[str, Any], usual: Mapping[str, Any]) -> list[str]:

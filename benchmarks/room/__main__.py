@@ -45,11 +45,11 @@ def measure(config: EnvConfig, episodes: list[Episode], num_laws: int = NUM_LAWS
     """
     env = BatchedEnv(config, 8)
     by_name = known(env.task)
-    settings = by_name["published"]
+    settings, tuning = by_name["published"], {}
     walked = {"published": run_episodes(env, law(env.task, settings), episodes)}
     if not all(record.success for record in walked["published"]):
         walked["usual"] = run_episodes(env, law(env.task, by_name["usual"]), episodes)
-        settings = tuned(env, num_laws)
+        settings, tuning = tuned(env, num_laws), {"laws": num_laws}
     best = law(env.task, settings)
     walked["tuned"] = run_episodes(env, best, episodes)
     bound = [max(pair, key=_worth) for pair in zip(*walked.values(), strict=True)]
@@ -58,7 +58,7 @@ def measure(config: EnvConfig, episodes: list[Episode], num_laws: int = NUM_LAWS
     for i, record in zip(failed, planned, strict=True):
         bound[i] = max(bound[i], record, key=_worth)
     rows = {name: _row(records) for name, records in {**walked, "bound": bound}.items()}
-    return {"law": dict(settings), "laws": num_laws, "horizon_s": bound[0].horizon_s, **rows}
+    return {"law": dict(settings), **tuning, "horizon_s": bound[0].horizon_s, **rows}
 
 
 def without_luck(config: EnvConfig, settings: Settings, episodes: list[Episode]) -> dict[str, Any]:
@@ -163,6 +163,11 @@ def main() -> None:
         write_text(given.output, json.dumps(record, indent=1))
 
     names = CONDITIONS if "all" in given.conditions else given.conditions
+    least = max(
+        len(known(replace(EnvConfig(), **CONDITIONS[each]).resolved_task)) for each in names
+    )
+    if given.laws < least:
+        parser.error(f"--laws: {given.laws}; allowed: {least} or more, the known ones among them")
     for name in () if given.show else names:
         print(f"{name} …", file=sys.stderr)
         config = replace(EnvConfig(), **CONDITIONS[name])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.room.__main__ import table
+from benchmarks.room.__main__ import main, measure, table
 from benchmarks.room.figure import verdict
 from benchmarks.room.law import NUM_LAWS, score, stages
 from benchmarks.room.planner import Planner, PlannerConfig
@@ -70,6 +70,21 @@ def test_a_law_is_better_by_its_successes_and_then_by_its_time():
 def test_a_third_of_the_laws_walks_on_for_twice_as_many_episodes():
     assert stages(NUM_LAWS) == [(24, 8), (8, 16), (3, 32)]
     assert sum(count * episodes for count, episodes in stages(192)) == 3936
+
+
+def test_fewer_laws_than_are_known_are_refused_before_anything_walks(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(
+        "sys.argv", ["room", "any", "--laws", "3", "--output", f"{tmp_path}/room.json"]
+    )
+    with pytest.raises(SystemExit):
+        main()
+    assert "--laws: 3; allowed: 4 or more" in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
+
+
+def test_how_many_laws_were_tuned_is_recorded_only_where_the_published_one_fails():
+    near = replace(CONFIG, task={"name": "target", "bearing": 0.0, "distance": [2.0, 2.0]})
+    assert "laws" not in measure(near, [near.sample_episode(3)])
 
 
 def success(**wins):
