@@ -29,6 +29,16 @@ from flyrl.resources import configs_folder
         ("train", ["-m", "algo=sac,pp0"], "algo must be one of .*, got 'pp0'; did you mean 'ppo'"),
         ("train", ["-m", "algo=sac,ppo", "algo.tau=0.01"], r"there is no key 'algo\.tau'"),
         ("train", ["algo=ppo", "algo.her=true"], r"here, only with algo=ddpg,sac,td3,tqc$"),
+        (
+            "train",
+            ["algo=crossq", "algo.n_steps=5"],
+            r"no default for 'algo\.n_steps': add it by \+",
+        ),
+        (
+            "train",
+            ["algo.clip_range_vf=0.2"],
+            r"ppo has no default .* add it by \+algo\.clip_range_vf=",
+        ),
         ("train", ["task=worm_crawl", "controller=cpg"], "controller=cpg has no effect with task"),
         ("evaluate", ["algo.her=true"], r"there is no key 'algo\.her' \(--cfg job"),
         ("evaluate", ["--cfg", "job", "episdes=1"], "no key 'episdes'; did you mean 'episodes'"),
