@@ -25,8 +25,11 @@ def configs_folder() -> Path:
 
 
 def tuned_name(task: str | None, algo: str | None) -> str:
-    """Name of the settings in `configs/tuned` for a task and an algorithm; not all have some."""
-    return f"{task}_{algo}"
+    """Name of the settings in `configs/tuned` for a task and an algorithm; not all have some.
+
+    Those of a task whose actions are whole numbers hold for its variant with a box of numbers.
+    """
+    return f"{(task or '').removesuffix('_box')}_{algo}"
 
 
 def muscle_profile(key: str, profile: str) -> Path:

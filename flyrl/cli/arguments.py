@@ -22,7 +22,6 @@ from flyrl.cli.groups import group_names, groups
 from flyrl.entry_points import is_entry_point
 from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command, tuned_name
-from flyrl.training.algorithms import further_settings
 from flyrl.training.runs import flat, present_names
 from flyrl.validation import did_you_mean
 
@@ -281,6 +280,8 @@ def _explained(error: Exception, config_name: str, asked: Sequence[str]) -> Valu
         settings = composed(config_name, others)
         choices = groups().get(group, {}) if group in settings else {}
         having = sorted(name for name, choice in choices.items() if rest in flat(choice))
+        from flyrl.training.algorithms import further_settings  # noqa: PLC0415 - takes torch
+
         algo = settings["algo"]["name"] if group == "algo" in settings else None
         if algo and rest in further_settings(algo):
             text = f"algo={algo} has no default for {key!r}: add it by +{key}="

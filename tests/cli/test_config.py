@@ -114,6 +114,14 @@ def test_tuned_settings_hold_for_their_task_and_algorithm_alone(name):
     assert ours == training_record(training_config(tuned))
 
 
+def test_the_box_variant_of_a_task_takes_the_settings_that_were_tuned_for_whole_numbers():
+    variant, task = (
+        training_config(_composed(f"task=worm_{each}")) for each in ("hang_box", "hang")
+    )
+    assert (variant.algo, variant.training) == (task.algo, task.training)
+    assert config_from_keywords("worm_hang_box", "ppo").algo.settings["n_steps"] == 32
+
+
 def test_a_setting_on_the_command_line_beats_the_tuned_one():
     config = training_config(_composed("task=traverse", "algo.log_std_init=-3"))
     assert config.algo.settings["log_std_init"] == -3
