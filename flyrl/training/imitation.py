@@ -65,6 +65,9 @@ def imitate(model: BaseAlgorithm, config: TrainingConfig) -> None:
                 each.done,
                 each.infos,
             )
+        # returns over several decisions end here, and not in the first episodes of the training
+        last = buffer.pos - 1
+        buffer.timeouts[last] = np.maximum(buffer.timeouts[last], 1 - buffer.dones[last])
     else:
         _clone(cast(OnPolicyAlgorithm, model), list(demonstration), config.seed)
 

@@ -63,9 +63,15 @@ def test_in_it_an_episode_ends_with_what_was_seen_at_its_end(buffer):
     kept, _ = buffer
     # all of ten decisions, that time ended
     assert np.flatnonzero(kept.dones[:25, 0]).tolist() == [9, 19]
-    assert (kept.timeouts[:25] == kept.dones[:25]).all()
+    assert (kept.timeouts[:24] == kept.dones[:24]).all()
     follows = (kept.next_observations[:24] == kept.observations[1:25]).all(axis=2)
     assert (follows == (kept.dones[:24] == 0)).all()
+
+
+def test_returns_over_several_decisions_do_not_run_on_from_it(buffer):
+    kept, _ = buffer
+    assert (kept.dones[24] == 0).all()  # in the midst of an episode, and no failure
+    assert (kept.timeouts[24] == 1).all()
 
 
 @pytest.mark.parametrize("algo", ["ppo", "recurrent_ppo"])
