@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Final, Literal, NamedTuple
 
@@ -176,6 +176,11 @@ def preset_record(physics: PhysicsConfig) -> dict[str, Any] | None:
     return preset and preset._asdict()
 
 
+def gravity_along(down: Sequence[float]) -> list[float]:
+    """Gravity, mm/s², along a unit vector."""
+    return [-GRAVITY[2] * each for each in down]
+
+
 def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig, terrain: Terrain) -> None:
     """Write the settings into a model specification, and turn gravity as a terrain does."""
     option = spec.option
@@ -186,7 +191,7 @@ def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig, terrain: Terrain) 
     option.iterations = config.solver_iterations
     option.tolerance = config.solver_tolerance
     option.noslip_iterations = config.noslip_iterations
-    option.gravity = [-GRAVITY[2] * each for each in terrain.compiled().down]
+    option.gravity = gravity_along(terrain.compiled().down)
     # a fly on the ground is one island: looking for more costs up to a tenth
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     if config.collision_detection == "libccd" or terrain.heights() is not None:

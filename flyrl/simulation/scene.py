@@ -19,7 +19,7 @@ from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.files import file_digest
 from flyrl.muscles import AttachedMuscle
 from flyrl.simulation.callback import install
-from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
+from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, gravity_along
 from flyrl.terrains import NOWHERE, Flat, Ground, Prop, Terrain, box_colours
 from flyrl.terrains.geoms import FLAT_GROUND, FLOOR, GROUP, HEIGHT_FIELD
 from flyrl.validation import FloatArray, Within, check_fields
@@ -297,7 +297,7 @@ class GroundLayer:
             x, y, z = NOWHERE if ground.shift is None else ground.shift
             places[self._field] = (x, y, z + self._lowest)
         if (gravity := fields.get("opt.gravity")) is not None:
-            gravity[:] = np.linalg.norm(gravity) * np.array(ground.down)
+            gravity[:] = gravity_along(ground.down)
         if (flags := fields.get("opt.disableflags")) is not None:
             # boxes keep their exact contact where there is no field, see `PhysicsConfig`
             exact = mujoco.mjtDisableBit.mjDSBL_NATIVECCD.value

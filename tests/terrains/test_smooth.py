@@ -95,6 +95,21 @@ def test_every_fly_has_a_slope_of_its_own():
         np.testing.assert_array_equal(single.flies.integration_state()[0], expected)
 
 
+def test_a_slope_pulls_to_the_bit_as_before_after_many_others():
+    terrain = Slope(angle_range_deg=(0, 60), random=True)
+    env = BatchedEnv(EnvConfig("hybrid_turning", terrain=terrain), 1, 1)
+
+    def stepped(seed):
+        env.reset(seeds=[seed])
+        env.step(np.ones((1, 2)))
+        return env.flies.integration_state().copy()
+
+    first = stepped(4)
+    for seed in range(300):
+        env.reset(seeds=[seed])
+    np.testing.assert_array_equal(stepped(4), first)
+
+
 # ------------------------------------------------------------------ hills
 
 
