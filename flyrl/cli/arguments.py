@@ -280,11 +280,8 @@ def _explained(error: Exception, config_name: str, asked: Sequence[str]) -> Valu
         settings = composed(config_name, others)
         choices = groups().get(group, {}) if group in settings else {}
         having = sorted(name for name, choice in choices.items() if rest in flat(choice))
-        from flyrl.training.algorithms import further_settings  # noqa: PLC0415 - takes torch
-
-        algo = settings["algo"]["name"] if group == "algo" in settings else None
-        if algo and rest in further_settings(algo):
-            text = f"algo={algo} has no default for {key!r}: add it by +{key}="
+        if group == "algo" in settings and _can_be_added(settings["algo"]["name"], rest):
+            text = f"algo={settings['algo']['name']} has no default for {key!r}: add it by +{key}="
         elif having:
             text = f"there is no key {key!r} here, only with {group}={','.join(having)}"
         else:
@@ -294,3 +291,9 @@ def _explained(error: Exception, config_name: str, asked: Sequence[str]) -> Valu
     elif text.startswith("Error merging override"):  # without the reason
         text += f": {error.__cause__}"
     return ValueError("; ".join(text.strip().splitlines()))
+
+
+def _can_be_added(algo: str, setting: str) -> bool:
+    from flyrl.training.algorithms import further_settings  # noqa: PLC0415 - takes torch
+
+    return setting in further_settings(algo)
