@@ -31,7 +31,7 @@ from flyrl.resources import configs_folder
         ("train", ["algo=ppo", "algo.her=true"], r"here, only with algo=ddpg,sac,td3,tqc$"),
         (
             "train",
-            ["algo=sac", "algo.n_steps=5"],
+            ["task=path", "algo=sac", "algo.n_steps=5"],
             r"no default for 'algo\.n_steps': add it by \+",
         ),
         (
