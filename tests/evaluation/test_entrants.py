@@ -12,7 +12,6 @@ from flyrl.policies import export_sb3, load_bundle, observation_layout
 from flyrl.policies.bundle import TermLayout, save_bundle
 from flyrl.policies.laws import FIXED
 from flyrl.tasks import TASKS
-from flyrl.tasks.extension import extended
 from tests.bundles import target_bundle
 
 TARGET = TASKS["target"]()
@@ -198,23 +197,17 @@ def test_a_function_of_time_and_observation_is_an_entrant(own_policies):
     np.testing.assert_allclose(drives, [[0.5, 1.0], [0.52, 1.0]], atol=1e-6)
 
 
-WITHOUT_CLOCK = extended(TARGET, {}, {}, ["time_left"])
-"""What target-flat was trained in."""
-
-
 @pytest.fixture(scope="module")
 def sb3_model(tmp_path_factory):
     """The zip file of a model that nobody trained."""
     path = tmp_path_factory.mktemp("sb3") / "model.zip"
-    export_sb3(load_bundle("target-flat"), WITHOUT_CLOCK).save(path)
+    export_sb3(load_bundle("target-flat")).save(path)
     return path
 
 
 def test_a_model_of_stable_baselines3_takes_part(sb3_model):
     policies = ("target-flat", f"ppo:{sb3_model}")
-    own, imported, hybrid = made(
-        policies=policies, controllers=("hybrid",), trust_pickles=True, task=WITHOUT_CLOCK
-    )
+    own, imported, hybrid = made(policies=policies, controllers=("hybrid",), trust_pickles=True)
     assert (imported.name, imported.controller) == ("ppo", hybrid.controller)
     assert imported.record["sha256"] == hashlib.sha256(sb3_model.read_bytes()).hexdigest()
     # the file does not say what its model was trained in

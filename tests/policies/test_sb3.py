@@ -315,7 +315,7 @@ def test_exports_that_do_not_fit_are_refused():
     squashed_memory = replace(_bundle(RecurrentPPO), squashing="tanh")
     for bundle, task, message in (
         (fitting, "velocity", "observations that velocity does not show"),
-        (load_bundle("target-flat"), None, "takes all that target shows, .* without time_left"),
+        (load_bundle("stop-flat"), None, "takes all that stop shows, .* without time_left"),
         (
             replace(fitting, action_high=(0.5, 0.5)),
             None,
