@@ -130,7 +130,7 @@ def test_a_policy_goes_to_where_the_target_was_put(fly):
         fly.change("steering", "target-flat")
         point(fly, 5.0, side)
         # from 6.4 mm away
-        walk(fly, 22)
+        walk(fly, 28)
         assert values(fly)["to the target, mm"] < 2.0
 
 
