@@ -96,17 +96,18 @@ def success(**wins):
 
 
 def test_the_table_has_the_room_above_the_better_law_and_the_share_that_a_policy_closes():
-    row = success(published=[1, 0, 0, 0], tuned=[1, 1, 0, 0], bound=[1, 1, 1, 1])
+    row = success(published=[1, 0, 0, 0], tuned=[1, 1, 0, 0], bound=[1, 1, 1, 0])
     rates, room, found = (
         table({"blocks": row}).splitlines()[2].split("|")[i].strip() for i in (5, 6, 7)
     )
-    assert (rates.split()[0], room, found) == ("100%", "50%", "room")
+    assert (rates.split()[0], room, found) == ("75%", "25%", "room")
     row["learned"] = success(
         published=[1, 1, 0, 0, 0, 0], tuned=[0, 1, 0, 0, 0, 0], policy=[1, 1, 1, 1, 0, 0]
     )
-    *_, law, policy, gain, share, _ = table({"blocks": row}).splitlines()[-1].split("|")
-    # 1 / 3 of the 2 / 3 that the better law of these six leaves
-    assert [each.split()[0] for each in (law, policy, gain, share)] == ["33%", "67%", "+33%", "50%"]
+    _, _, *shown, _ = table({"blocks": row}).splitlines()[-1].split("|")
+    # 1 / 3 of the 5 / 12 that the better law of these six leaves to the bound, and of the 2 / 3
+    # that it leaves to the bound or the policy, which wins the fourth
+    assert [each.split()[0] for each in shown] == ["33%", "67%", "+33%", "80%", "50%"]
 
 
 HALF = [True] * 10 + [False] * 10
