@@ -128,7 +128,8 @@ def table(results: dict[str, Any]) -> str:
             # what the better law of these, more, episodes leaves to the bound of the few, and to
             # the bound or the policy, which may win where planning does not
             bound = np.array(row["bound"]["success"])
-            both = bound | won["policy"][: bound.size]
+            also = won["policy"][: bound.size]
+            both = np.append(bound[: also.size] | also, bound[also.size :])
             left = [float(np.mean(each) - np.mean(better)) for each in (bound, both)]
             shares = [f"{gain.value / each:.0%}" if each >= LEAST_ROOM else "" for each in left]
             rates = [_rate(better), _rate(won["policy"]), interval_text(gain, "+.0%")]

@@ -110,6 +110,14 @@ def test_the_table_has_the_room_above_the_better_law_and_the_share_that_a_policy
     assert [each.split()[0] for each in shown] == ["33%", "67%", "+33%", "80%", "50%"]
 
 
+def test_a_policy_may_have_walked_fewer_episodes_than_the_bound():
+    row = success(published=[0, 0, 0, 0], tuned=[0, 0, 0, 0], bound=[0, 1, 0, 1])
+    row["learned"] = success(published=[0, 0], tuned=[0, 0], policy=[1, 0])
+    *_, room, possible, _ = table({"blocks": row}).splitlines()[-1].split("|")
+    # its 1 / 2 of 1 / 2, and of 3 / 4: it wins the first
+    assert (room.strip(), possible.strip()) == ("100%", "67%")
+
+
 HALF = [True] * 10 + [False] * 10
 
 
