@@ -21,7 +21,7 @@ from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
 from benchmarks.room.figure import LEAST_ROOM, better_law, draw, room, verdict
 from benchmarks.room.law import NUM_LAWS, Settings, known, law, tuned
-from benchmarks.room.planner import Planner, PlannerConfig
+from benchmarks.room.planner import ROBUST, Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import FIRST_SEED
 from flyrl.evaluation.statistics import paired_difference, success_rate
@@ -29,9 +29,6 @@ from flyrl.files import write_text
 from flyrl.policies import load_policy
 from flyrl.rollouts import EpisodeRecord, Policy, run_episodes
 from flyrl.tasks import Episode
-
-ROBUST: Final = PlannerConfig(tries=4, noise=0.1, foresees=False)
-"""Of a planner that knows state and ground, but not where a stumble leads, nor the next command."""
 
 OUTPUT: Final = Path(__file__).parent / "room.json"
 

@@ -55,6 +55,10 @@ class PlannerConfig:
     foresees: bool = True
 
 
+ROBUST: Final = PlannerConfig(tries=4, noise=0.1, foresees=False)
+"""Of a planner that knows state and ground, but not where a stumble leads, nor the next command."""
+
+
 class Planner:
     """Adds to a law's actions what brings the most reward on copies of the simulation.
 

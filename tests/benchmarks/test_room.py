@@ -8,6 +8,7 @@ import pytest
 from benchmarks.room.__main__ import main, measure, table
 from benchmarks.room.figure import verdict
 from benchmarks.room.law import NUM_LAWS, score, stages
+from benchmarks.room.luck import Disturbed, disturbed, summary
 from benchmarks.room.planner import Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import ConstantDrive
@@ -135,3 +136,32 @@ HALF = [True] * 10 + [False] * 10
 )
 def test_what_the_room_is(wins, expected):
     assert verdict(success(**wins)) == expected
+
+
+def test_a_disturbance_is_drawn_anew_by_every_decision_and_stays_within_the_bounds(env):
+    low, high = env.task.actions.bounds
+    law = ConstantDrive(1.0, 0.5, env.task)
+    generator = np.random.default_rng(0)
+    policy = Disturbed(law, low, high, noise=0.1, rng=generator)
+    observation = env.reset(episodes=[CONFIG.sample_episode(3)])
+    plain, _ = law.predict(observation)
+    drawn = np.concatenate([policy.predict(observation)[0] - plain for _ in range(400)])
+    assert np.std(drawn, axis=0) == pytest.approx([0.1, 0.1], rel=0.15)
+    loud = Disturbed(law, low, high, noise=9.0, rng=generator).predict(observation)[0]
+    assert np.all((loud >= low) & (loud <= high))
+
+
+def test_every_draw_of_a_disturbance_walks_the_same_episodes():
+    task = {"name": "target", "bearing": 0.0, "distance": [2.0, 8.0], "time_limit": 0.4}
+    env = BatchedEnv(replace(CONFIG, task=task), 2, num_threads=1)
+    episodes = [env.config.sample_episode(seed) for seed in (1, 2)]  # the second is too far
+    law = ConstantDrive(1.0, 1.0, env.task)
+    assert disturbed(env, law, episodes, draws=2, noise=0.0).tolist() == [[True, False]] * 2
+
+
+def test_what_failed_undisturbed_is_shown_beside_all_that_was_disturbed():
+    again = np.array([[1, 0, 1, 0], [1, 1, 1, 0]], bool)
+    assert summary(np.array([1, 0, 1, 0], bool), again) == (
+        "undisturbed 50%; disturbed 62%, where it failed undisturbed 25%; never 25%"
+    )
+    assert "none failed" in summary(np.array([True] * 4), again)
