@@ -181,7 +181,14 @@ def _walk(
     found: list[Part] = []
     filmed: list[EpisodeRecord] = []
     to_film = config.filmed()[walk.terrain.label]
-    interval_ms = 1000 * walk.env.decision_interval_s
+    begun, walked = bar.n, 0
+
+    def count(decisions: int) -> None:
+        nonlocal walked
+        walked += decisions
+        # rounded down, once for all: a bar that passes its total cannot be drawn
+        bar.update(begun + int(1000 * walk.env.decision_interval_s * walked) - bar.n)
+
     for start in range(0, len(walk.episodes), size):
         batch = walk.episodes[start : start + size]
         part = parts.read(number, start)
@@ -194,7 +201,7 @@ def _walk(
                     batch,
                     controller=walk.entrant.name,
                     first_index=start,
-                    on_progress=lambda decisions: bar.update(round(decisions * interval_ms)),
+                    on_progress=count,
                 )
             except Exception as error:
                 # a policy may be anybody's code, and raise anything

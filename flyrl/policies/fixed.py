@@ -34,6 +34,13 @@ CONVERGENCE_RATE: Final = 20.0
 class FixedPolicy:
     """A policy that was not learned."""
 
+    task: Task
+    """What it acts in."""
+
+    @cached_property
+    def _term_sizes(self) -> dict[str, int]:
+        return {term.name: term.size for term in self.task.observation}
+
     def predict(
         self,
         observation: ArrayLike | Mapping[str, ArrayLike],
@@ -58,7 +65,7 @@ class FixedPolicy:
         -------
         Action, (a,) or (n, a), and the state of the policy.
         """
-        values = vectors(observation)
+        values = vectors(observation, self._term_sizes)
         rows = np.atleast_2d(values)
         starts = np.zeros(len(rows), dtype=bool)
         if episode_start is not None:
@@ -73,8 +80,6 @@ class FixedPolicy:
 
 class _DrivePolicy(FixedPolicy):
     """A policy without a state that answers an observation with a drive."""
-
-    task: Task
 
     @cached_property
     def _places(self) -> dict[str, slice]:
@@ -246,14 +251,14 @@ class FunctionPolicy(FixedPolicy):
 
     def __init__(self, law: Law, task: Task) -> None:
         self._law = law
-        self._task = task
+        self.task = task
         places = task.slices()
         self._places = [(term.name, places[term.name], term.shape) for term in task.observation]
 
     def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
         """The state is the number of decisions since the start of each episode, (n,)."""
         decisions = np.where(starts, 0, 0 if state is None else state)
-        times_s = decisions * (self._task.decision_interval_s or 0.0)
+        times_s = decisions * (self.task.decision_interval_s or 0.0)
         actions = [
             self._action(time_s, row) for time_s, row in zip(times_s.tolist(), rows, strict=True)
         ]
@@ -262,7 +267,7 @@ class FunctionPolicy(FixedPolicy):
     def _action(self, time_s: float, row: FloatArray) -> NDArray[Any]:
         shown = {name: row[place].reshape(shape) for name, place, shape in self._places}
         given = np.asarray(self._law(time_s, shown), dtype=np.float64)
-        actions = self._task.actions
+        actions = self.task.actions
         if given.shape != (actions.size,):
             raise ValueError(
                 f"a steering law must return {actions.size} numbers, got shape {given.shape}"
@@ -281,6 +286,7 @@ class _MusclePolicy(FixedPolicy):
     """
 
     def __init__(self, task: Task) -> None:
+        self.task = task
         actions, interval_s = task.actions, task.decision_interval_s
         assert isinstance(actions, Neurons)  # tasks for worms have such
         assert interval_s is not None

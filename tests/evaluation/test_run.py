@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from pandas.testing import assert_frame_equal
 
+import flyrl.progress
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
 from flyrl.evaluation.entrants import make_entrants
 from flyrl.evaluation.run import walk_examples
@@ -124,6 +125,18 @@ def test_an_entrant_that_crashes_is_on_record_and_the_rest_go_on(results, tmp_pa
     assert with_crash.protocol["reference"] == "cpg"
     write_results(with_crash, tmp_path)
     assert load_results(tmp_path).protocol == with_crash.protocol
+
+
+def test_a_bar_that_is_drawn_at_every_decision_of_a_part_of_a_millisecond_stops_nobody(
+    monkeypatch,
+):
+    monkeypatch.setattr(flyrl.progress, "FILE_INTERVAL_S", 0.0)
+    task = dataclasses.replace(TASKS["hybrid_turning"](), time_limit_s=0.01)
+    config = dataclasses.replace(
+        CONFIG, task=task, physics="balanced", episodes=2, film=(), progress=True
+    )
+    assert config.env("flat").decision_interval_s == 0.0004  # of two flies 0.8 ms, no whole number
+    assert not evaluate(config).protocol["crashes"]
 
 
 def test_without_anybody_left_there_are_no_results():

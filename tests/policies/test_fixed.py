@@ -16,6 +16,7 @@ from flyrl.policies import (
     WormReflex,
 )
 from flyrl.policies.fixed import FunctionPolicy
+from flyrl.policies.laws import fixed_policy
 from flyrl.tasks import TASKS, Neurons
 from tests.policies.conftest import observed, walked
 
@@ -125,6 +126,16 @@ def test_a_function_gets_the_observation_by_the_names_of_its_terms(name):
     for term in task.observation:
         place = task.slices()[term.name]
         np.testing.assert_array_equal(given[term.name], values[place].reshape(term.shape))
+
+
+@pytest.mark.parametrize("flies", [(), (1,), (3,)])
+def test_observations_with_rows_and_columns_are_those_of_one_fly_or_of_a_batch(flies):
+    task = TASKS["hybrid_turning"]()
+    observation = {term.name: np.zeros((*flies, *term.shape)) for term in task.observation}
+    actions, _ = fixed_policy("constant(1.0, 0.4)", task).predict(observation)
+    np.testing.assert_allclose(
+        task.actions.commands(actions), np.broadcast_to([1.0, 0.4], (*flies, 2)), atol=1e-6
+    )
 
 
 def test_of_a_worm_a_function_returns_the_action():
