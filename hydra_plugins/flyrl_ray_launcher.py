@@ -99,7 +99,14 @@ class RayLauncher(Launcher):
                 run.remote(common, list(overrides), number)
                 for number, overrides in enumerate(job_overrides, start=initial_job_idx)
             ]
-            ray.wait(tasks, num_returns=len(tasks), fetch_local=False)
+            try:
+                ray.wait(tasks, num_returns=len(tasks), fetch_local=False)
+            except KeyboardInterrupt:
+                # shutdown kills after a second: too soon for a run to save what it has learned
+                for task in tasks:
+                    ray.cancel(task)
+                ray.wait(tasks, num_returns=len(tasks), fetch_local=False)
+                raise
             returned: list[JobReturn] = ray.get(tasks)
             return returned
         finally:
