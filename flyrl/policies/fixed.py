@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.controllers.cpg import cpg_step, motor_neuron_activity
 from flyrl.policies.networks import vectors
 from flyrl.tasks import ACHIEVED_GOAL, DESIRED_GOAL, WALKING_SPEED, Drives, Neurons, Task
+from flyrl.tasks.terms import DISTANCE_UNIT, SPEED_UNIT, YAW_RATE_UNIT
 from flyrl.validation import FloatArray
 
 Starts = NDArray[np.bool_]
@@ -161,15 +162,15 @@ class Pursuit(_DrivePolicy):
         turn = self.gain * np.arctan2(left, ahead)[:, None] * np.array([-1.0, 1.0])
         drives = np.clip(forward + turn, self.weakest, strongest)
         if self.brake > 0.0:
-            in_brakes = 15.0 * shown["target_distance"] / self.brake
+            in_brakes = DISTANCE_UNIT * shown["target_distance"] / self.brake
             drives = drives * np.clip(2.0 * in_brakes - 1.0, 0.0, 1.0)
         return np.asarray(drives)
 
     def _towards(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         """Vectors towards the target in the body frame, forward and left: (2, n)."""
         if self.lead > 0.0:
-            offset_mm = 15.0 * shown["target_distance"] * shown["target_direction"]
-            return np.asarray(offset_mm + 20.0 * self.lead * shown["target_velocity"]).T
+            offset_mm = DISTANCE_UNIT * shown["target_distance"] * shown["target_direction"]
+            return np.asarray(offset_mm + SPEED_UNIT * self.lead * shown["target_velocity"]).T
         if "target_direction" in shown:
             return shown["target_direction"].T
         x, y = (shown[DESIRED_GOAL] - shown[ACHIEVED_GOAL]).T  # world frame
@@ -201,8 +202,8 @@ class OpenLoop(_DrivePolicy):
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         asked = self._asked(shown)
-        forward = 20.0 * asked[:, :1] / self.speed
-        turn = 10.0 * asked[:, 1:] / self.yaw_rate * np.array([-1.0, 1.0])
+        forward = SPEED_UNIT * asked[:, :1] / self.speed
+        turn = YAW_RATE_UNIT * asked[:, 1:] / self.yaw_rate * np.array([-1.0, 1.0])
         return np.asarray(forward + turn)
 
     def _asked(self, shown: Mapping[str, FloatArray]) -> FloatArray:

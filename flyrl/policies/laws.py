@@ -31,6 +31,7 @@ from flyrl.tasks import (
     Drives,
     Task,
 )
+from flyrl.tasks.terms import DISTANCE_UNIT, TIME_UNIT
 from flyrl.validation import FloatArray, within
 
 
@@ -102,8 +103,8 @@ class UnhurriedPursuit(Pursuit):
     strongest: float = 1.0
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
-        left_s = np.maximum(3.0 * shown["time_left"] - self.reserve, 1e-3)
-        way_mm = 15.0 * shown["target_distance"] - self.task.parameters.get("reach", 0.0)
+        left_s = np.maximum(TIME_UNIT * shown["time_left"] - self.reserve, 1e-3)
+        way_mm = DISTANCE_UNIT * shown["target_distance"] - self.task.parameters.get("reach", 0.0)
         ahead = np.clip(way_mm / left_s / self.speed, self.slowest, self.forward)
         return self._steered(shown, ahead, np.maximum(self.strongest, ahead))
 

@@ -88,7 +88,7 @@ def target_velocity_b(state: TaskState) -> FloatArray:
     """Velocity of the target, forward and leftward, in units of 20 mm/s, (n, 2)."""
     offset = target(state) - state.command[:, :2]
     velocity_w = state.command[:, 2:] * np.stack([-offset[:, 1], offset[:, 0]], axis=1)
-    return terms.to_yaw_frame(velocity_w, state.fly.yaw) / 20.0
+    return terms.to_yaw_frame(velocity_w, state.fly.yaw) / terms.SPEED_UNIT
 
 
 def progress(state: TaskState) -> FloatArray:

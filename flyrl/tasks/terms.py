@@ -45,6 +45,18 @@ Place = Callable[[Any], FloatArray]
 GOAL: Final[Place] = attrgetter("goal")
 """The place that episodes lead to, of terms that are given no other."""
 
+DISTANCE_UNIT: Final = 15.0
+"""mm, of distances as they are observed; those below alike."""
+
+TIME_UNIT: Final = 3.0
+"""s."""
+
+SPEED_UNIT: Final = 20.0
+"""mm/s."""
+
+YAW_RATE_UNIT: Final = 10.0
+"""rad/s."""
+
 CORRECTION_CAP = 80.0
 """Correction amount at which the reflexes are capped."""
 
@@ -125,12 +137,12 @@ def target_direction_b(state: TaskState, place: Place = GOAL) -> FloatArray:
 
 def target_distance(state: TaskState, place: Place = GOAL) -> FloatArray:
     """Distance to the target in units of 15 mm, (n, 1)."""
-    return goal_distance(state.fly.position_w, place(state))[:, None] / 15.0
+    return goal_distance(state.fly.position_w, place(state))[:, None] / DISTANCE_UNIT
 
 
 def time_left(state: TaskState) -> FloatArray:
     """Time until the time limit in units of 3 s, 1 where there is more, (n, 1)."""
-    return np.minimum(state.remaining_s / 3.0, 1.0)[:, None]
+    return np.minimum(state.remaining_s / TIME_UNIT, 1.0)[:, None]
 
 
 def commanded_direction_b(state: TaskState) -> FloatArray:
@@ -145,7 +157,7 @@ def forward_direction_b(state: TaskState) -> FloatArray:
 
 def commanded_velocity(state: TaskState, command_s: float) -> FloatArray:
     """Commanded forward speed in units of 20 mm/s, and yaw rate in units of 10 rad/s, (n, 2)."""
-    return command_at(state, state.fly.time, command_s) / (20.0, 10.0)
+    return command_at(state, state.fly.time, command_s) / (SPEED_UNIT, YAW_RATE_UNIT)
 
 
 def command_time_left(state: TaskState, command_s: float) -> FloatArray:
@@ -156,17 +168,17 @@ def command_time_left(state: TaskState, command_s: float) -> FloatArray:
 
 def mean_velocity(state: TaskState) -> FloatArray:
     """Mean of `velocity_over_decision`, in units of 20 mm/s and 10 rad/s, (n, 2)."""
-    return state.means["velocity"] / (20.0, 10.0)
+    return state.means["velocity"] / (SPEED_UNIT, YAW_RATE_UNIT)
 
 
 def velocity_b(state: TaskState) -> FloatArray:
     """Forward and leftward velocity in units of 20 mm/s, (n, 2)."""
-    return to_yaw_frame(state.body.velocity_w[:, :2], state.body.yaw) / 20.0
+    return to_yaw_frame(state.body.velocity_w[:, :2], state.body.yaw) / SPEED_UNIT
 
 
 def heading_rate(state: TaskState) -> FloatArray:
     """Yaw rate in units of 10 rad/s, left positive, (n, 1)."""
-    return state.fly.angular_velocity_w[:, 2:] / 10.0
+    return state.fly.angular_velocity_w[:, 2:] / YAW_RATE_UNIT
 
 
 def compass(state: TaskState) -> FloatArray:

@@ -35,7 +35,7 @@ def sample_episode(
 
 def finish_distance(state: TaskState, finish_line: float) -> FloatArray:
     """Distance to the finish line at an x, mm, along +x in units of 15 mm, (n, 1)."""
-    return (finish_line - state.fly.position_w[:, :1]) / 15.0
+    return (finish_line - state.fly.position_w[:, :1]) / terms.DISTANCE_UNIT
 
 
 def turn_to_finish(state: TaskState) -> FloatArray:
