@@ -1,6 +1,7 @@
 """Callback of a training run: progress, evaluation, saving, stopping, interruption."""
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -62,6 +63,8 @@ def interruption() -> Iterator[list[signal.Signals]]:
         for number, handler in previous.items():
             signal.signal(number, handler)
 
+
+STOPPING: Final = "the run stops after this rollout; a second Ctrl-C drops the rollout"
 
 HELD_OUT_SEEDS: Final = range(2**31, 3 * 2**30)
 """Seeds of the held-out episodes: above those that training draws, below those of evaluations."""
@@ -171,6 +174,7 @@ class RunCallback(BaseCallback):
         self._curriculum = Curriculum()
         self._next_checkpoint = 0
         self._is_ending = False
+        self._is_told = False
         self._start = time.monotonic()
         self._bar = progress_bar(
             schedule.total_timesteps,
@@ -204,6 +208,9 @@ class RunCallback(BaseCallback):
         self._bar.update(min(self.num_timesteps, total) - self._bar.n)
         if self._config.training.curriculum.enabled:
             self._adapt()
+        if self._interrupted and not (self._is_ending or self._is_told):
+            self._is_told = True
+            self._bar.write(STOPPING, file=sys.stderr)
         return not self._is_ending
 
     def _adapt(self) -> None:

@@ -14,6 +14,7 @@ from flyrl.policies import load_policy
 from flyrl.simulation.randomisation import RANDOMISATIONS
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import AlgorithmConfig
+from flyrl.training.callback import STOPPING
 from flyrl.training.config import CurriculumConfig, TrainingConfig, training_record
 from flyrl.training.learn import Run, resume, train
 from flyrl.training.run_folder import load_checkpoint, save_checkpoint
@@ -109,6 +110,12 @@ def test_a_run_that_is_interrupted_in_its_last_rollout_is_resumed(tmp_path):
         part = train(config, tmp_path / "part")
     assert read_run(part.folder).state == "interrupted"
     assert _results(resume(config, part.folder)) == _results(whole)
+
+
+def test_an_interrupted_run_says_once_that_it_stops_after_its_rollout(tmp_path, capsys):
+    with interrupted_at(2):
+        train(PPO_CONFIG, tmp_path)
+    assert capsys.readouterr().err.count(STOPPING) == 1
 
 
 def test_a_signal_during_the_last_evaluation_is_too_late(tmp_path):
