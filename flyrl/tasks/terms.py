@@ -45,17 +45,11 @@ Place = Callable[[Any], FloatArray]
 GOAL: Final[Place] = attrgetter("goal")
 """The place that episodes lead to, of terms that are given no other."""
 
-DISTANCE_UNIT: Final = 15.0
-"""mm, of distances as they are observed; those below alike."""
-
-TIME_UNIT: Final = 3.0
-"""s."""
-
-SPEED_UNIT: Final = 20.0
-"""mm/s."""
-
-YAW_RATE_UNIT: Final = 10.0
-"""rad/s."""
+# units in which quantities are observed
+DISTANCE_UNIT: Final = 15.0  # mm
+TIME_UNIT: Final = 3.0  # s
+SPEED_UNIT: Final = 20.0  # mm/s
+YAW_RATE_UNIT: Final = 10.0  # rad/s
 
 CORRECTION_CAP = 80.0
 """Correction amount at which the reflexes are capped."""
