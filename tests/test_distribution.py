@@ -2,9 +2,11 @@
 
 import re
 import tomllib
+from importlib.metadata import distributions
 from pathlib import Path
 
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
@@ -89,3 +91,21 @@ def test_the_versions_that_are_pinned_are_allowed():
     for requirement in _requirements():
         name = canonicalize_name(requirement.name)
         assert name == DISTRIBUTION or requirement.specifier.contains(pinned[name]), name
+
+
+def test_the_oldest_python_that_is_allowed_can_install_the_versions_that_are_pinned():
+    (oldest,) = SpecifierSet(_project()["requires-python"])
+    pinned = _pinned("constraints.txt")
+    needed = {
+        f"{name}=={version}": distribution.metadata.get("Requires-Python", "")
+        for distribution in distributions()
+        if (name := canonicalize_name(distribution.name)) in pinned
+        and (version := Version(distribution.version.split("+")[0])) == pinned[name]
+    }
+    assert {f"torch=={pinned['torch']}", f"numpy=={pinned['numpy']}"} <= needed.keys()
+    refused = {
+        pin: python
+        for pin, python in needed.items()
+        if not SpecifierSet(python).contains(oldest.version)
+    }
+    assert refused == {}
