@@ -44,9 +44,8 @@ NOT_CHECKED = {
     "rl_zoo3.train": "another project's program; tests/clients/test_rl_zoo.py runs it",
     "rl_zoo3.enjoy": "the same",
     "venv": "Python's own; makes an environment in which pip would download",
-    "sed": "gets what pip says, which is not run",
     "uv": "another project's program, which asks the package index",
-    "grep": "gets what uv says",
+    "sed": "edits what uv wrote",
 }
 """Program or module -> why its commands are neither run nor checked."""
 
