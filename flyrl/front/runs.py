@@ -158,18 +158,19 @@ def simulated_shares(
     compared, entrants
         Of the comparison, without the policy that is to be trained.
     videos
-        Whether everyone is filmed.
+        Whether anyone is filmed.
     """
     walks = (len(entrants) + 1) * len(compared.terrain_configs)
-    films = (len(entrants) + 1) * sum(map(len, compared.filmed().values()))
+    filmed = 2 if compared.film == "contrast" else len(entrants) + 1
+    films = filmed * sum(map(len, compared.filmed().values()))
     simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
     schedule = config.training
     return {
-        "teacher": 0.35 * schedule.num_demonstrations * config.env.decision_interval_s,
+        "teacher": 0.55 * schedule.num_demonstrations * config.env.decision_interval_s,
         "training": schedule.total_timesteps * config.env.decision_interval_s,
-        "evaluating": 0.35 * simulated_s,
-        "filming": 25.0 * films if videos else 0.0,
-        "reporting": 85.0,
+        "evaluating": 0.5 * simulated_s,
+        "filming": 35.0 * films if videos else 0.0,
+        "reporting": 65.0,
     }
 
 

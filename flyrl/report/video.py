@@ -127,7 +127,8 @@ def record_videos(
 ) -> tuple[list[Video], str | None]:
     """Film every entrant on every terrain, on the episodes that the evaluation names.
 
-    All videos together have at most `ALL_BYTES`, as far as the coarsest quality allows.
+    Of a contrast only its two are filmed. All videos together have at most `ALL_BYTES`, as far as
+    the coarsest quality allows.
 
     Parameters
     ----------
@@ -148,12 +149,18 @@ def record_videos(
     note goes to stderr as well, in one line, and nothing is raised.
     """
     filmed = config.filmed(chosen)
+    pairs = {
+        name: (each["controller"], each["reference"])
+        for name, each in (chosen or {}).items()
+        if "metric" in each
+    }
     by_entrant = [
         [
             (entrant, terrain, index)
             for terrain in config.terrain_configs
             for index in filmed[terrain.label]
             if (entrant.name, terrain.label) not in missing
+            and entrant.name in pairs.get(terrain.label, (entrant.name,))
         ]
         for entrant in entrants
     ]
