@@ -43,6 +43,11 @@ def contrasts(rows: pd.DataFrame, protocol: Json) -> Json:
     return {name: _contrast(rows[rows["terrain"] == name], best, protocol) for name in grounds}
 
 
+def parted(chosen: Json) -> Json:
+    """Contrasts, by terrain, of those that were chosen in which two entrants differ."""
+    return {terrain: each for terrain, each in chosen.items() if "metric" in each}
+
+
 def _contrast(rows: pd.DataFrame, learned: str, protocol: Json) -> Json:
     """The episode on one terrain."""
     names = learned, protocol["reference"]

@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.colors import to_hex
 
 from flyrl.evaluation.conditions import QUANTITIES, compared_conditions
-from flyrl.evaluation.contrast import crossing, success_by_kind
+from flyrl.evaluation.contrast import crossing, parted, success_by_kind
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Results, paired
@@ -83,7 +83,7 @@ def lead_videos(protocol: Json, videos: Sequence[Video]) -> list[Video]:
     It is the first in which the learned entrant succeeds and the reference does not, else the first
     in which they differ.
     """
-    contrasts = {name: each for name, each in protocol.get("film", {}).items() if "metric" in each}
+    contrasts = parted(protocol.get("film", {}))
     # values of success where the learned one alone succeeds
     ranked = sorted(contrasts, key=lambda terrain: contrasts[terrain]["values"] != [1.0, 0.0])
     for terrain in ranked:

@@ -19,6 +19,7 @@ import numpy as np
 from flyrl.envs.bodies import Bodies, View, make_renderer
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import Entrant, EvaluationConfig
+from flyrl.evaluation.contrast import parted
 from flyrl.evaluation.episodes import Json
 from flyrl.progress import progress_bar
 from flyrl.report import captions
@@ -150,9 +151,8 @@ def record_videos(
     """
     filmed = config.filmed(chosen)
     pairs = {
-        name: (each["controller"], each["reference"])
-        for name, each in (chosen or {}).items()
-        if "metric" in each
+        terrain: (each["controller"], each["reference"])
+        for terrain, each in parted(chosen or {}).items()
     }
     by_entrant = [
         [
