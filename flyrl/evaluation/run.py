@@ -8,6 +8,7 @@ import itertools
 import platform
 import traceback
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
@@ -282,14 +283,14 @@ def walk_examples(
     """
     found = {(record.controller, record.terrain, record.index): record for record in walked}
     filmed = config.filmed(chosen)
-    for terrain in config.terrain_configs:
-        drawn = config.draw_episodes(terrain)
-        for entrant in entrants:
-            due = [
-                i for i in filmed[terrain.label] if (entrant.name, terrain.label, i) not in found
-            ]
+
+    def walk(entrant: Entrant) -> None:
+        for terrain in config.terrain_configs:
+            label = terrain.label
+            due = [i for i in filmed[label] if (entrant.name, label, i) not in found]
             if not due:
                 continue
+            drawn = config.draw_episodes(terrain)
             env = BatchedEnv(entrant.env(config, terrain), len(due), config.num_threads)
             try:
                 records = run_episodes(
@@ -299,7 +300,11 @@ def walk_examples(
                 # it crashed in the evaluation, too
                 continue
             for index, record in zip(due, records, strict=True):
-                found[entrant.name, terrain.label, index] = dataclasses.replace(record, index=index)
+                found[entrant.name, label, index] = dataclasses.replace(record, index=index)
+
+    # single flies leave cores idle; as in films, nobody's own code is called by two threads at once
+    with ThreadPoolExecutor(config.num_threads or None) as pool:
+        list(pool.map(walk, entrants))
     return [
         found[entrant.name, terrain, index]
         for terrain, indices in filmed.items()

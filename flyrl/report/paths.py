@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
@@ -288,11 +289,17 @@ def _draw(
 
 def _draw_walks(axes: Axes, walks: Sequence[Walk], shade: str, terrain: str, faint: float) -> None:
     """Things, paths, how they ended and their goals; failures are `faint`."""
+    things = [thing for walk in walks for thing in walk.things]
+    axes.add_collection(
+        PatchCollection(
+            [Circle(tuple(thing.place), thing.radius) for thing in things],
+            facecolors=[thing.rgb for thing in things],
+            alpha=max(0.1, 0.6 / len(walks)),  # the fainter, the more walks there are
+            linewidths=0,
+            zorder=1,
+        )
+    )
     for walk in walks:
-        for thing in walk.things:
-            # the fainter, the more walks there are
-            look: Any = {"color": thing.rgb, "alpha": max(0.1, 0.6 / len(walks)), "lw": 0}
-            axes.add_patch(Circle(tuple(thing.place), thing.radius, zorder=1, **look))
         alpha = 0.8 if walk.outcome == SUCCESS else faint
         axes.plot(*walk.path.T, color=shade, linewidth=0.9, alpha=alpha)
     for outcome in dict.fromkeys(walk.outcome for walk in walks):
