@@ -7,7 +7,13 @@ import numpy as np
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.policies.fixed import ClosedLoop, FixedPolicy, Pursuit
-from flyrl.policies.laws import FIXED, QUICK_PURSUIT, UnhurriedPursuit, pursuit_brake
+from flyrl.policies.laws import (
+    CROSSING,
+    FIXED,
+    QUICK_PURSUIT,
+    UnhurriedPursuit,
+    pursuit_brake,
+)
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Task
 
@@ -52,7 +58,8 @@ def known(task: Task) -> dict[str, Settings]:
         "gentle": {**GENTLE, **brake},
     }
     if FIXED["unhurried"].goes_with(task):
-        laws["unhurried"] = {"reserve": UnhurriedPursuit.reserve, **brake}
+        own = CROSSING if task.name == "traverse" else {}
+        laws["unhurried"] = {"reserve": UnhurriedPursuit.reserve, **own, **brake}
     return laws
 
 

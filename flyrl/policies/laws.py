@@ -75,12 +75,14 @@ class UnhurriedPursuit(Pursuit):
     """Turn towards the target, and walk no faster than the time that is left asks for.
 
     On rough ground haste makes a fly fall. The drive ahead is the one with which it would reach the
-    target `reserve` before the time limit, kept between `slowest` and `forward`.
+    target, or the finish line, `reserve` before the time limit, kept between `slowest` and
+    `forward`.
 
     Parameters
     ----------
     task
-        What it acts in; it shows `target_direction`, `target_distance` and `time_left`.
+        What it acts in; it shows `target_direction`, `time_left` and a distance: `target_distance`
+        or `finish_distance`.
     slowest, forward
         Bounds of the drive ahead.
     speed
@@ -104,7 +106,8 @@ class UnhurriedPursuit(Pursuit):
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         left_s = np.maximum(TIME_UNIT * shown["time_left"] - self.reserve, 1e-3)
-        way_mm = DISTANCE_UNIT * shown["target_distance"] - self.task.parameters.get("reach", 0.0)
+        distance = shown["finish_distance" if "finish_distance" in shown else "target_distance"]
+        way_mm = DISTANCE_UNIT * distance - self.task.parameters.get("reach", 0.0)
         ahead = np.clip(way_mm / left_s / self.speed, self.slowest, self.forward)
         return self._steered(shown, ahead, np.maximum(self.strongest, ahead))
 
@@ -138,6 +141,18 @@ def _pursue(task: Task) -> FixedPolicy:
     return Pursuit(task, brake=pursuit_brake(task), **tuned)
 
 
+CROSSING: Final = {
+    "slowest": 0.5, "forward": 1.5, "speed": 9.0, "reserve": 0.2, "weakest": 0.2, "strongest": 1.2
+}  # fmt: skip
+"""The best of 20 settings of `UnhurriedPursuit` over random blocks: it crosses them in 88 % of 672
+training episodes, `pursuit` in 81 of 288."""
+
+
+def _take_time(task: Task) -> FixedPolicy:
+    tuned = CROSSING if "finish_distance" in task.slices() else {}
+    return UnhurriedPursuit(task, brake=pursuit_brake(task), **tuned)
+
+
 _AHEAD: Final = "constant drive (1, 1)"
 _WALK: Final = _held(1.0, 1.0)
 
@@ -160,8 +175,11 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
     "unhurried": FixedLaw(
         "hybrid",
         "proportional steering towards the target, no faster than the time left asks for",
-        lambda task: UnhurriedPursuit(task, brake=pursuit_brake(task)),
-        (("target_direction", "target_distance", "time_left"),),
+        _take_time,
+        (
+            ("target_direction", "target_distance", "time_left"),
+            ("target_direction", "finish_distance", "time_left"),
+        ),
     ),
     "open_loop": FixedLaw("hybrid", "drive that answers the command", OpenLoop, (("command",),)),
     "closed_loop": FixedLaw(

@@ -49,6 +49,23 @@ def test_a_law_brakes_where_the_fly_is_to_stop(name, law, ahead, distance, share
 
 
 @pytest.mark.parametrize(
+    ("distance_mm", "time_left_s", "ahead"),
+    [(18.0, 2.2, 1.0), (18.0, 3.0, 18 / 2.8 / 9), (6.0, 3.0, 0.5), (22.0, 1.0, 1.5)],
+)
+def test_who_crosses_unhurriedly_takes_the_time_that_is_left(distance_mm, time_left_s, ahead):
+    task = TASKS["traverse"]()
+    shown = {
+        "target_direction": (1, 0),
+        "finish_distance": distance_mm / 15,
+        "time_left": time_left_s / 3,
+    }
+    drive = task.actions.commands(
+        load_policy("unhurried", "traverse").predict(observed(task, **shown))[0]
+    )
+    np.testing.assert_allclose(drive, [[ahead] * 2], atol=1e-6)
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         *[((path,), "path of a policy must be the path of a folder") for path in ("", 5, None)],
