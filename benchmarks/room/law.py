@@ -8,11 +8,11 @@ import numpy as np
 from flyrl.envs.core import BatchedEnv
 from flyrl.policies.fixed import ClosedLoop, FixedPolicy, Pursuit
 from flyrl.policies.laws import (
-    CROSSING,
     FIXED,
     QUICK_PURSUIT,
     UnhurriedPursuit,
     pursuit_brake,
+    unhurried_settings,
 )
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Task
@@ -58,8 +58,8 @@ def known(task: Task) -> dict[str, Settings]:
         "gentle": {**GENTLE, **brake},
     }
     if FIXED["unhurried"].goes_with(task):
-        own = CROSSING if task.name == "traverse" else {}
-        laws["unhurried"] = {"reserve": UnhurriedPursuit.reserve, **own, **brake}
+        usual = {"reserve": UnhurriedPursuit.reserve, **brake}
+        laws["unhurried"] = {**usual, **unhurried_settings(task)}
     return laws
 
 

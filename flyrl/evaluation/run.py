@@ -302,7 +302,7 @@ def walk_examples(
             for index, record in zip(due, records, strict=True):
                 found[entrant.name, label, index] = dataclasses.replace(record, index=index)
 
-    # single flies leave cores idle; as in films, nobody's own code is called by two threads at once
+    # single flies leave cores idle; as in films, each entrant is walked by one thread
     with ThreadPoolExecutor(config.num_threads or None) as pool:
         list(pool.map(walk, entrants))
     return [

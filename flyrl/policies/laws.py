@@ -145,12 +145,12 @@ CROSSING: Final = {
     "slowest": 0.5, "forward": 1.5, "speed": 9.0, "reserve": 0.2, "weakest": 0.2, "strongest": 1.2
 }  # fmt: skip
 """The best of 20 settings of `UnhurriedPursuit` over random blocks: it crosses them in 88 % of 672
-training episodes, `pursuit` in 81 of 288."""
+training episodes, `pursuit` in 81 % of 288."""
 
 
-def _take_time(task: Task) -> FixedPolicy:
-    tuned = CROSSING if "finish_distance" in task.slices() else {}
-    return UnhurriedPursuit(task, brake=pursuit_brake(task), **tuned)
+def unhurried_settings(task: Task) -> Mapping[str, float]:
+    """Settings of `UnhurriedPursuit` that go with a task, where they are not the usual ones."""
+    return CROSSING if "finish_distance" in task.slices() else {}
 
 
 _AHEAD: Final = "constant drive (1, 1)"
@@ -175,7 +175,7 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
     "unhurried": FixedLaw(
         "hybrid",
         "proportional steering towards the target, no faster than the time left asks for",
-        _take_time,
+        lambda task: UnhurriedPursuit(task, brake=pursuit_brake(task), **unhurried_settings(task)),
         (
             ("target_direction", "target_distance", "time_left"),
             ("target_direction", "finish_distance", "time_left"),
