@@ -11,6 +11,7 @@ from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
 from flyrl.files import write_bytes
 from flyrl.report import record_videos, write_learning_curve
 from flyrl.tasks import Task, TaskSettings
+from flyrl.terrains import Flat, Slope, Terrain
 from flyrl.training.config import TrainingConfig, config_from_keywords, training_record
 from flyrl.training.learn import Run
 from flyrl.training.learn import resume as resume_run
@@ -147,7 +148,7 @@ def simulated_shares(
     *,
     videos: bool,
 ) -> dict[str, float]:
-    """Parts of a training with a comparison -> how long each takes, in simulated s of training.
+    """Parts of a training with a comparison -> how long each takes, in simulated s on flat ground.
 
     Measured in the main job, on two cores.
 
@@ -160,18 +161,24 @@ def simulated_shares(
     videos
         Whether anyone is filmed.
     """
-    walks = (len(entrants) + 1) * len(compared.terrain_configs)
+    grounds = sum(map(_cost_of_ground, compared.terrain_configs))
+    training_s = config.env.decision_interval_s * _cost_of_ground(config.env.scene.terrain)
     filmed = 2 if compared.film == "contrast" else len(entrants) + 1
     films = filmed * sum(map(len, compared.filmed().values()))
-    simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
+    walks = (len(entrants) + 1) * len(compared.conditions) * compared.episodes
     schedule = config.training
     return {
-        "teacher": 0.55 * schedule.num_demonstrations * config.env.decision_interval_s,
-        "training": schedule.total_timesteps * config.env.decision_interval_s,
-        "evaluating": 0.5 * simulated_s,
+        "teacher": 0.55 * schedule.num_demonstrations * training_s,
+        "training": schedule.total_timesteps * training_s,
+        "evaluating": 0.5 * walks * compared.horizon_s * grounds,
         "filming": 35.0 * films if videos else 0.0,
-        "reporting": 65.0,
+        "reporting": 35.0,
     }
+
+
+def _cost_of_ground(terrain: Terrain) -> float:
+    """How long physics takes over a ground, as a multiple of flat ground's time."""
+    return 1.0 if isinstance(terrain, Flat | Slope) else 2.0
 
 
 def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:
