@@ -11,7 +11,7 @@ from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
 from flyrl.files import write_bytes
 from flyrl.report import record_videos, write_learning_curve
 from flyrl.tasks import Task, TaskSettings
-from flyrl.terrains import Flat, Slope, Terrain
+from flyrl.terrains import Terrain
 from flyrl.training.config import TrainingConfig, config_from_keywords, training_record
 from flyrl.training.learn import Run
 from flyrl.training.learn import resume as resume_run
@@ -148,7 +148,7 @@ def simulated_shares(
     *,
     videos: bool,
 ) -> dict[str, float]:
-    """Parts of a training with a comparison -> how long each takes, in simulated s on flat ground.
+    """Parts of a training with a comparison -> how long each takes, in simulated s on a plane.
 
     Measured in the main job, on two cores.
 
@@ -177,8 +177,8 @@ def simulated_shares(
 
 
 def _cost_of_ground(terrain: Terrain) -> float:
-    """How long physics takes over a ground, as a multiple of flat ground's time."""
-    return 1.0 if isinstance(terrain, Flat | Slope) else 2.0
+    """Time that physics takes over a ground, over that on a plane."""
+    return 2.0 if terrain.is_rough else 1.0
 
 
 def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:

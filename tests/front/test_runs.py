@@ -12,7 +12,8 @@ from safetensors.numpy import load_file
 import flyrl
 from flyrl.cli.arguments import composed
 from flyrl.cli.config import training_config
-from flyrl.front.runs import TrainingInterrupted, learn
+from flyrl.evaluation import EvaluationConfig
+from flyrl.front.runs import TrainingInterrupted, learn, simulated_shares
 from flyrl.tasks import TASKS
 from flyrl.training.config import config_from_keywords, training_record
 from flyrl.training.run_folder import checkpoint_file, create_folder
@@ -48,6 +49,22 @@ def test_python_and_command_line_train_the_same_bits(run, run_here, tmp_path):
     assert ours.keys() == theirs.keys()
     for name, values in ours.items():
         np.testing.assert_array_equal(values, theirs[name])
+
+
+@pytest.mark.parametrize(("terrain", "cost"), [("slope", 1), ("hills", 2), ("any", 2)])
+def test_rough_ground_takes_twice_the_time_of_a_plane(terrain, cost):
+    on_flat, on_ground = (
+        simulated_shares(
+            config_from_keywords("target", terrain=each),
+            EvaluationConfig(terrains=(each,)),
+            (),
+            videos=False,
+        )
+        for each in ("flat", terrain)
+    )
+    for part in ("training", "evaluating"):
+        assert on_ground[part] == cost * on_flat[part]
+    assert on_ground["reporting"] == on_flat["reporting"]
 
 
 def test_settings_are_those_of_the_command_line_and_a_keyword_beats_the_tuned_one():
